@@ -43,6 +43,8 @@ def _rows(name: str) -> Iterator[str]:
     if not isinstance(command, click.Group):
         yield _row(name, command)
         return
+    if command.invoke_without_command:
+        yield _row(name, command)
     for sub, one in command.commands.items():
         yield _row(f"{name} {sub}", one)
 

@@ -44,6 +44,11 @@ def test_a_button_is_the_same_one_as_long_as_it_would_do_the_same(
         now = words_of(row)
         assert [*now] == ["Identify", "Release slot", "Block part", "Swap to EE", "Simulate this slot"]
         assert now["Simulate this slot"] == begun["Simulate this slot"]
+        spares.clear()
+        rig.stage.pull("AA")
+        await rig.look(2.0)
+        page.refresh()
+        assert [*words_of(row)] == ["Identify", "Release slot", "Block part", "Forget part", "Simulate this slot"]
 
     show(tmp_path, scene, bench=ToyBench())
 

@@ -57,7 +57,8 @@ DEEDS: dict[str, tuple[Role, Deed]] = {
 }
 LEAST = {
     "adopt": Role.TEACHER, "swap": Role.TEACHER, "release": Role.TEACHER, "spare": Role.TEACHER, "window": Role.TEACHER,
-    "close_window": Role.TEACHER, "block": Role.TEACHER, "unblock": Role.TEACHER, "ignore": Role.TEACHER,
+    "close_window": Role.TEACHER, "forget_part": Role.TEACHER,
+    "block": Role.TEACHER, "unblock": Role.TEACHER, "ignore": Role.TEACHER,
     "set": Role.STUDENT, "reset": Role.STUDENT, "values": Role.VIEWER, "bind": Role.TEACHER, "unbind": Role.TEACHER,
     "apply": Role.TEACHER, "undo": Role.STUDENT, "edits": Role.VIEWER, "stop": Role.VIEWER, "go": Role.TEACHER,
     "stop_report": Role.VIEWER, "identify": Role.STUDENT, "why": Role.VIEWER, "publish": Role.STUDENT,

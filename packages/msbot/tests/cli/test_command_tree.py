@@ -63,12 +63,12 @@ NOT_ONE_ROBOT = {
 def leaves(command: click.Command, context: click.Context, name: str = "") -> Iterator[tuple[str, frozenset[str]]]:
     """Every command that does something, with all its options."""
     if isinstance(command, click.Group):
-        assert not command.invoke_without_command, f"{name} is a group and a command"
         for sub in command.list_commands(context):
             below = command.get_command(context, sub)
             assert below is not None
             yield from leaves(below, click.Context(below, context, sub), f"{name} {sub}".strip())
-        return
+        if not command.invoke_without_command:
+            return
     yield name, frozenset(option for one in command.params for option in one.opts)
 
 

@@ -21,7 +21,8 @@ LOOKS = {"diff", "class stop", "class undo"}
 
 WORDS = {
     "arena put": "Rex 1 1", "arena speed": "2", "library forget": "LUX-1", "key board": "front", "key new": "ABCD",
-    "key remove": "AA", "why": "AA", "swap": "AA --to BB", "release": "AA", "block": "AA", "unblock": "AA",
+    "key remove": "AA", "why": "AA", "parts forget": "AA --yes", "swap": "AA --to BB",
+    "release": "AA", "block": "AA", "unblock": "AA",
     "set": "AA gain 1", "publish": "AA.out 1", "bind": "topic --type HelloWorld", "unbind": "topic", "identify": "AA",
     "simulate": "AA", "slot add": "claw ABCD", "slot remove": "AA", "class apply": "robot.toml --yes",
     "user add": "ann --generate", "user passwd": "ann --generate", "user remove": "ann", "user revoke": "ann page",

@@ -79,6 +79,15 @@ async def called(stage: Stage) -> dict[str, object]:
     return await ask(stage, "call", port="AA.echo", values=["1", "hello"])
 
 
+async def part_forgotten(stage: Stage) -> dict[str, object]:
+    """A part must be gone before it can be forgotten."""
+    stage.plug("EE", "ABCD")
+    await asyncio.sleep(2.0)
+    stage.pull("EE")
+    await asyncio.sleep(1.0)
+    return await ask(stage, "forget_part", part="EE")
+
+
 def test_every_operation_can_be_asked_for(tmp_path: Path) -> None:
     async def scene(stage: Stage) -> None:
         stage.operations.recording.attach(Tape())
@@ -89,6 +98,7 @@ def test_every_operation_can_be_asked_for(tmp_path: Path) -> None:
             "swap": await ask(stage, "swap", slot="BB", to="DD"),
             "release": await ask(stage, "release", slot="CC"),
             "adopt": await ask(stage, "adopt", part="CC", slot="CC"),
+            "forget_part": await part_forgotten(stage),
             "block": await ask(stage, "block", part="CC", reason="loud"),
             "unblock": await ask(stage, "unblock", part="CC"),
             "set": await ask(stage, "set", slot="AA", name="period_s", value="2"),

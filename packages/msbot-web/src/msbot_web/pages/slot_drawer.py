@@ -436,6 +436,8 @@ class _PartActions:
             if page.may(Right.ARRANGE):
                 yield _PartAction(page.translate("Release slot"), "eject", "release", (slot,))
                 yield _PartAction(page.translate("Block part"), "block", "block", (uid,), "outline color=negative")
+                if PartState(part.state).is_over:
+                    yield _PartAction(page.translate("Forget part"), "delete_outline", "forget_part", (uid,))
                 for spare in _spares(page):
                     words = page.translate("Swap to {part}", part=spare.part)
                     yield _PartAction(words, "swap_horiz", "swap", (slot, ("to", spare.uid)))

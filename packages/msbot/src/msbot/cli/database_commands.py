@@ -12,14 +12,15 @@ from typing import TYPE_CHECKING, Protocol
 import click
 
 from msbot.cli import completers
-from msbot.cli.change.robot_access import database_to_read, one_robot, perform, running_master, until_stored
+from msbot.cli.change.robot_access import database_to_read, one_robot, perform, running_master, say, until_stored
 from msbot.cli.database_place import database_here, existing_database, is_there
-from msbot.cli.robot_options import db_option, robot_options
+from msbot.cli.robot_options import db_option, robot_and_json_options, robot_options
 from msbot.pnp import PartState
 from msbot.registry import JournalEntry, PartRecord, RobotRecord
 from msbot.registry.read_only_database import look_into
 from msbot_agent.cli.options import WholeRange, json_option
 from msbot_agent.cli.table import for_terminal, print_table
+from msbot_agent.text.sentence import printable
 from msbot_agent.text.similar_names import instead_of
 from msbot_xrce.counting import amount
 from msbot_xrce.errors import ConfigError, RegistryError
@@ -91,7 +92,7 @@ class _RegistryDatabase:
 # `msbot parts`: what a robot's database knows about its parts.
 
 
-@click.command("parts")
+@click.group("parts", invoke_without_command=True)
 @click.option(
     "--slot",
     "slots",
@@ -118,13 +119,15 @@ class _RegistryDatabase:
 @click.option("-a", "--all", "want_all", is_flag=True, help="Also parts that are gone and belong to no slot.")
 @robot_options
 @json_option
+@click.pass_context
 def parts_command(
+    context: click.Context,
+    *,
     slots: tuple[str, ...],
     states: tuple[str, ...],
     numbers: tuple[str, ...],
     db: str | None,
     robot: str | None,
-    *,
     want_all: bool,
     as_json: bool,
 ) -> None:
@@ -133,6 +136,10 @@ def parts_command(
     Parts that are gone and belong to no slot are listed with --all, or when --slot, --state or --number asks for them.
     States come from the journal of transitions, which the master writes; heartbeats are never stored.
     """
+    if context.invoked_subcommand is not None:
+        if any(context.params.values()):
+            raise click.UsageError(f"write options behind `{context.invoked_subcommand}`")
+        return
     path = database_to_read(db, robot)
     until_stored(path)
     with open_robot_database(path) as look:
@@ -157,6 +164,21 @@ def parts_command(
     if left_out := len(wanted) - len(rows):
         is_gone = amount(left_out, "part is gone and belongs", "parts are gone and belong")
         click.echo(f"{is_gone} to no slot: `msbot parts --all` lists them too.")
+
+
+@parts_command.command("forget")
+@click.argument("part", shell_complete=completers.parts)
+@click.option("--yes", is_flag=True, help="Do not ask.")
+@robot_and_json_options
+def forget(part: str, db: str | None, robot: str | None, *, yes: bool) -> None:
+    """Forget PART, which is gone: a name, part number or UID.
+
+    The robot keeps no slot for it, and lists it no longer; the journal keeps its lines. If it comes again, it is a new
+    part.
+    """
+    if not yes:
+        click.confirm(f"Forget {printable(part)}, and which slot it had?", abort=True, err=True)
+    say(db, robot, "forget_part", {"part": part})
 
 
 def _fits(value: str, wanted: tuple[str, ...]) -> bool:

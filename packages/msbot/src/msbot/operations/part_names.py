@@ -6,6 +6,7 @@ import string
 from collections.abc import Callable, Iterable, Sequence
 
 from msbot.pnp import PartInfo, PartState
+from msbot.registry import PartRecord
 from msbot_agent.text.sentence import joined, said
 from msbot_agent.text.similar_names import did_you_mean, instead_of, nearest
 from msbot_xrce.errors import ConfigError, NotThere
@@ -61,6 +62,46 @@ def one_part(
     near = nearest(word, [*(name for name, is_name in known.items() if is_name), *sorted(words - known.keys())])
     hint = did_you_mean(near) if near else said("there are {known}", known=names or said("none yet"))
     raise NotThere(said("no part is known as {word!r}; {hint}", word=word, hint=hint))
+
+
+def known_part(word: str, records: Sequence[PartRecord]) -> PartRecord:
+    """The one part that a person means, out of those that the database knows.
+
+    Raises:
+        ConfigError: none, or several.
+    """
+    uid = uid_of(word)
+    wanted = word.casefold()
+    found = [
+        one
+        for one in records
+        if (one.uid and one.uid == uid) or wanted in (one.name.casefold(), one.part_number.casefold())
+    ]
+    if len(found) == 1:
+        return found[0]
+    if found:
+        names = "; ".join(
+            said("{name} ({part_number}, UID {one})", name=one.name, part_number=one.part_number, one=one.uid.hex())
+            for one in found
+        )
+        raise ConfigError(
+            said(
+                "{count} parts are known as {word!r}: name one by its UID: {names}",
+                count=len(found),
+                word=word,
+                names=names,
+            )
+        )
+    known_words = dict.fromkeys([*(one.name for one in records), *(one.part_number for one in records)])
+    if near := nearest(word, known_words):
+        raise ConfigError(said("no part is known as {word!r}; {hint}", word=word, hint=did_you_mean(near)))
+    raise ConfigError(
+        said(
+            "no part is known as {word!r}; seen so far: {records}",
+            word=word,
+            records=", ".join(one.name for one in records) or said("none"),
+        )
+    )
 
 
 def one_slot(name: str, names: Iterable[str]) -> str:

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
 from msbot.operations.described_parts import DescribedPartAdoption
 from msbot.operations.operation import Outcome, outcome_of
-from msbot.operations.part_names import describe
+from msbot.operations.part_names import describe, known_part
 from msbot.operations.running_robot import RunningRobot, slot_of
 from msbot.pnp import Claim, Match, PartEvent, PartInfo, PartState, Refusal, TakeOver
-from msbot.registry import EditKind, EditRecord
-from msbot.registry.edits import part_places
+from msbot.registry import EditKind, EditRecord, PartRecord, Registry, RobotRecord
+from msbot.registry.edits import known_parts, part_places
 from msbot.registry.edits.editing import Making
 from msbot_agent.text.sentence import said
 from msbot_xrce.errors import ConfigError, RegistryError
@@ -68,6 +68,17 @@ _NOT_YET = {
     PartState.CHECKING: "is being checked: try again in a moment",
 }
 _ADOPTABLE = (None, Refusal.NO_SLOT, Refusal.UNKNOWN_PART, Refusal.WRONG_ROBOT)
+
+
+def _stored_parts(registry: Registry, robot: RobotRecord) -> Sequence[PartRecord]:
+    registry.storage.catch_up()
+    return registry.robots.parts(robot)
+
+
+def _is_same(info: PartInfo, known: PartRecord) -> bool:
+    if info.uid or known.uid:
+        return info.uid == known.uid
+    return (info.part_number, info.local_name) == (known.part_number, known.local_name)
 
 
 class Placement:
@@ -171,6 +182,21 @@ class Placement:
             edit = await self._store(who, partial(part_places.put, uid=holder.uid, slot=None, words=words))
         self._move({holder.client_key: None}, said("{who} released slot {target}", who=who, target=target))
         return outcome_of(edit, words)
+
+    async def forget_part(self, part: str, who: str) -> Outcome:
+        """Forget a part that is gone: when it comes again, it is a new one."""
+        known = known_part(part, await self._running.read(_stored_parts))
+        now = self._running.now()
+        shown = [info for info in self._inventory.view(now) if _is_same(info, known)]
+        if here := next((info for info in shown if not info.state.is_over), None):
+            raise ConfigError(
+                said("{part} is there ({state}): unplug it first", part=describe(here), state=said(here.state.value))
+            )
+        edit = await self._store(who, partial(known_parts.forget, part=known))
+        for info in shown:
+            self._inventory.forget(info, now)
+        self._inventory.reload(now)
+        return outcome_of(edit)
 
     @property
     def window_s(self) -> float:

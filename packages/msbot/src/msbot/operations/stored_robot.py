@@ -8,11 +8,11 @@ from typing import TypeVar
 
 from msbot.config import Library
 from msbot.operations.operation import Outcome, outcome_of
-from msbot.operations.part_names import uid_of
+from msbot.operations.part_names import known_part
 from msbot.operations.running_robot import slot_of
 from msbot.pnp import Matcher
 from msbot.registry import EditRecord, PartRecord, Registry, RobotRecord
-from msbot.registry.edits import part_places
+from msbot.registry.edits import known_parts, part_places
 from msbot.registry.edits.editing import Making
 from msbot_agent.text.sentence import said
 from msbot_xrce.errors import ConfigError
@@ -55,41 +55,12 @@ class StoredRobot:
         return self._registry.robots.parts(self._robot)
 
     def part(self, word: str) -> PartRecord:
-        """The one part that a person means, out of all that were ever seen.
+        """The one part that a person means, out of all with a UID that were ever seen.
 
         Raises:
             ConfigError: none, or several.
         """
-        records = self.parts()
-        uid = uid_of(word)
-        wanted = word.casefold()
-        found = [
-            one
-            for one in records
-            if one.uid and (one.uid == uid or wanted in (one.name.casefold(), one.part_number.casefold()))
-        ]
-        if len(found) == 1:
-            return found[0]
-        if found:
-            names = "; ".join(
-                said("{name} ({part_number}, UID {one})", name=one.name, part_number=one.part_number, one=one.uid.hex())
-                for one in found
-            )
-            raise ConfigError(
-                said(
-                    "{count} parts are known as {word!r}: name one by its UID: {names}",
-                    count=len(found),
-                    word=word,
-                    names=names,
-                )
-            )
-        raise ConfigError(
-            said(
-                "no part is known as {word!r}; seen so far: {records}",
-                word=word,
-                records=", ".join(one.name for one in records) or said("none"),
-            )
-        )
+        return known_part(word, [one for one in self.parts() if one.uid])
 
 
 # Which part belongs where in a robot that is not running: it takes effect at the next start.
@@ -132,6 +103,11 @@ class StoredPlacement:
         return outcome_of(
             await self._stored.change(who, partial(part_places.put, uid=newest.uid, slot=None, words=words))
         )
+
+    async def forget_part(self, part: str, who: str) -> Outcome:
+        """Forget a part: when it comes again, it is a new one."""
+        known = known_part(part, self._stored.parts())
+        return outcome_of(await self._stored.change(who, partial(known_parts.forget, part=known)))
 
     def _parts_of(self, slot: str) -> list[PartRecord]:
         return [one for one in self._stored.parts() if one.slot == slot and one.uid]

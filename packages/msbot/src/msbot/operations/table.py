@@ -72,6 +72,13 @@ _ROWS = (
         "The part stands by, and a spare gets the slot if there is one.",
     ),
     Operation(
+        "forget_part", "Forget a part that is gone.",
+        (_part("A part that is not plugged in: its name, part number or UID."),),
+        Right.ARRANGE, OperationScope.ANYWHERE, EditLog.UNDOABLE, "place", "DELETE /parts/{part}",
+        "The robot keeps no slot for it, and lists it no longer; the journal keeps its lines. If it comes again, it is "
+        "a new part.",
+    ),
+    Operation(
         "simulate", "Let a simulated part stand in for that of a slot, or end that.",
         (_slot("The slot."),
          Argument("end", ArgumentKind.FLAG, default=False, option="--end", help="End it: the slot is given back.")),

@@ -294,6 +294,13 @@ class Inventory:
 
     # Parts
 
+    def forget(self, part: PartInfo, now: float) -> None:
+        """Show a part that is gone no longer; one that is there stays."""
+        for record in list(self._index.records):
+            if record.state is not None and record.state.is_over and record.client_key == part.client_key:
+                self._index.forget(record)
+        self._publish(now)
+
     def claim(self, claim: Claim, client_key: int, now: float) -> Verdict:
         """Decide on a claim (step 2); the part is active when this returns a lease."""
         session = self._index.sessions.get(client_key)

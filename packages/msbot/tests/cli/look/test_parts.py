@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
+from msbot.cli.change.change_commands import undo_command
 from msbot.cli.database_commands import parts_command, why_command
 from msbot.config import load_blueprint, load_library, write_sample
 from msbot.registry import open_registry
@@ -82,3 +83,18 @@ def test_the_one_blueprint_here_that_has_a_database_says_which(tmp_path: Path) -
     (tmp_path / "robot.toml").write_text("")  # another robot is meant, which has none yet
     with pytest.raises(ConfigError, match=r"there is no database robot.db; name the one that is meant: --db r.db$"):
         CliRunner().invoke(why_command, ["AA"], catch_exceptions=False)
+
+
+def test_a_part_is_forgotten_when_that_is_confirmed() -> None:
+    declined = CliRunner().invoke(parts_command, ["forget", "old"], input="n\n")
+    assert (declined.exit_code, "Forget old, and which slot it had? [y/N]" in declined.stderr) == (1, True)
+    assert "old" in listed("--all")
+    answer = json.loads(said("forget", "old", "--yes", "--json"))
+    assert answer["words"] == "old (WXYZ) is forgotten"
+    assert "old" not in listed("--all")
+    done = CliRunner().invoke(undo_command, [str(answer["edit"])], catch_exceptions=False)
+    assert done.output == f"edit {answer['edit']} undone: old (WXYZ) is forgotten\n"
+    assert "old" in listed("--all")
+    with pytest.raises(ConfigError, match="no part is known as 'olt'; did you mean old"):
+        said("forget", "olt", "--yes")
+    assert "write options behind `forget`" in said("--all", "forget", "old")

@@ -14,6 +14,7 @@ from msbot.registry.database import statements
 from msbot.registry.database.statements import upsert
 from msbot.registry.database.tables import blocks, edits
 from msbot.registry.edits.edit_log import Author, UndoableChange, edits_of, record, words_of
+from msbot.registry.edits.known_parts import UndoableKnowledge
 from msbot.registry.edits.part_places import SlotMemory, UndoablePlace
 from msbot.registry.edits.slot_values import UndoableSetting
 from msbot.registry.edits.wires import UndoableTopic, UndoableTopics
@@ -109,6 +110,8 @@ def read_cell(content: Mapping[str, Any]) -> UndoableChange:
             return UndoableSetting(content["slot"], content["name"], content["value"])
         case "place":
             return UndoablePlace({uid: SlotMemory(*place) for uid, place in content["parts"].items()})
+        case "part":
+            return UndoableKnowledge(content["identity"], content["known"])
         case "block":
             return UndoableBlock(content["kind"], content["key"], content["reason"])
         case "bind":
