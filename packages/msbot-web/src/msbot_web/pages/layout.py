@@ -19,6 +19,7 @@ from msbot_web.pages.easy_reading import is_easy, read_easily
 from msbot_web.pages.lesson_panel import show_lesson_panel
 from msbot_web.pages.menu import search_button, show_menu
 from msbot_web.pages.page import Page
+from msbot_web.pages.page_elements import menu_item
 from msbot_web.pages.page_help import help_button, offer_tour
 from msbot_web.pages.time_slider import PATHS, TimeSlider, work_of
 from msbot_web.root_path import root
@@ -99,16 +100,16 @@ def _who(page: Page, dark: ui.dark_mode) -> None:
             "padding:.5rem 1rem"
         )
         for mode, title in ((None, "As the device"), (False, "Light"), (True, "Dark")):
-            ui.menu_item(page.translate(title), partial(_set_dark, dark, mode))
+            menu_item(page.translate(title), partial(_set_dark, dark, mode))
         ui.separator()
         easy = page.translate("Ordinary text") if page.easy else page.translate("Easy to read")
-        ui.menu_item(easy, partial(read_easily, easy=not page.easy))
+        menu_item(easy, partial(read_easily, easy=not page.easy))
         ui.separator()
         for language in languages().values():
-            ui.menu_item(language.name, partial(_set_language, language.code))
+            menu_item(language.name, partial(_set_language, language.code))
         ui.separator()
-        ui.menu_item(page.translate("API"), lambda: ui.navigate.to("/api-docs"))
-        ui.menu_item(
+        menu_item(page.translate("API"), lambda: ui.navigate.to("/api-docs"))
+        menu_item(
             page.translate("Sign out"),
             lambda: ui.run_javascript(
                 "const f=document.createElement('form');f.method='post';f.action=msbotAt('/logout');document.body.append(f);f.submit()"

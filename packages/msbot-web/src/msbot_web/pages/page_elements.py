@@ -84,6 +84,11 @@ def panel() -> ui.element:
     return ui.element("div").classes("panel")
 
 
+def menu_item(words: str, deed: Callable[[], object]) -> ui.menu_item:
+    """An entry of a menu; screen readers hear it as one, which those of Quasar itself are not."""
+    return ui.menu_item(words, deed).props("role=menuitem")
+
+
 def file_button(
     page: Page, title: str, taken: Callable[[UploadEventArguments], Awaitable[None]], *, max_size: int, ending: str = ""
 ) -> ui.button:

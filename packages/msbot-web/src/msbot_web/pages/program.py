@@ -21,7 +21,7 @@ from msbot_web.models.robot_models import ChangeResult
 from msbot_web.nicegui_internals.elements import DisableableElement
 from msbot_web.pages.layout import BUILD_S, page_frame
 from msbot_web.pages.page import Page
-from msbot_web.pages.page_elements import show_dialog
+from msbot_web.pages.page_elements import menu_item, show_dialog
 from msbot_web.pages.pilot import pilot_note
 from msbot_web.pages.program_blocks import ProgramBlocks
 from msbot_web.pages.program_editor import ShareDialog
@@ -132,13 +132,13 @@ class _ProgramPage:
         board.on("click", js_handler="() => msbotProgram.showBoard()")
         keep = ui.button(say("Keep"), icon="save", on_click=self._keep_now).props("flat")
         with ui.button(icon="more_vert").props(f'flat dense aria-label="{say("More")}"') as more, ui.menu():
-            ui.menu_item(say("New program"), self._new)
-            ui.menu_item(say("New program of blocks"), self._new_blocks)
-            ui.menu_item(say("Keep as …"), self._keep_as)
-            ui.menu_item(say("Earlier versions"), self._versions)
-            ui.menu_item(say("Share, or open on a phone"), self._share)
-            ui.menu_item(say("A phone as a part"), self._phone)
-            ui.menu_item(say("Remove"), self._remove)
+            menu_item(say("New program"), self._new)
+            menu_item(say("New program of blocks"), self._new_blocks)
+            menu_item(say("Keep as …"), self._keep_as)
+            menu_item(say("Earlier versions"), self._versions)
+            menu_item(say("Share, or open on a phone"), self._share)
+            menu_item(say("A phone as a part"), self._phone)
+            menu_item(say("Remove"), self._remove)
         return board, keep, more
 
     async def _open_first(self, name: str, shared: str) -> None:

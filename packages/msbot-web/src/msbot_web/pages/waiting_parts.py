@@ -15,7 +15,7 @@ from msbot_web.html import render
 from msbot_web.models.robot_models import PartLine, WireOffer
 from msbot_web.pages.layout import page_frame
 from msbot_web.pages.page import Page
-from msbot_web.pages.page_elements import heading, page_dialog, set_html, show_dialog
+from msbot_web.pages.page_elements import heading, menu_item, page_dialog, set_html, show_dialog
 from msbot_web.pages.simulator import simulator_panel
 from msbot_web.pages.slot_dialogs import free_name, slot_name
 from msbot_web.service import Service
@@ -249,7 +249,7 @@ class _Offers:
             for offer in wanted:
                 if offer.operation:
                     act = partial(self._page.act, offer.operation, **dict(offer.arguments))
-                    ui.menu_item(offer.words, act).props("role=menuitem")
+                    menu_item(offer.words, act)
                 else:
                     ui.menu_item(offer.words).props("disable role=menuitem")
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
+from typing import Literal
 
 import pytest
 from playwright.sync_api import Browser, Page, expect
@@ -121,6 +122,54 @@ def test_what_opens_above_a_page_is_for_everybody(
     page.set_viewport_size({"width": 320, "height": 700})
     page.wait_for_function(FITS)
     assert hurdles(page, dark=False) == []
+
+
+@pytest.mark.parametrize(
+    ("path", "opener", "opened"),
+    [
+        ("/", "You", "menu"),
+        ("/", "Help for this page", "dialog"),
+        ("/program", "More", "menu"),
+        ("/admin", "New password", "dialog"),
+        ("/pupils", "New group", "dialog"),
+    ],
+)
+def test_what_a_button_opens_is_for_everybody(
+    visitors: Mapping[str, Page], demo: Site, path: str, opener: str, opened: Literal["menu", "dialog"]
+) -> None:
+    page = visitors["teacher"]
+    page.set_viewport_size({"width": 1280, "height": 844})
+    go(page, demo.base + path)
+    page.get_by_role("button", name=opener, exact=True).first.click()
+    expect(page.get_by_role(opened)).to_be_visible()
+    assert hurdles_by_day_and_night(page) == []
+    page.set_viewport_size({"width": 320, "height": 700})
+    page.wait_for_function(FITS)
+    assert hurdles(page, dark=False) == []
+
+
+def test_a_newcomers_way_in_is_for_everybody(browser: Browser, visitors: Mapping[str, Page], demo: Site) -> None:
+    teacher = visitors["teacher"]
+    teacher.set_viewport_size({"width": 1280, "height": 844})
+    go(teacher, f"{demo.base}/pupils")
+    teacher.get_by_role("button", name="Show a class ticket").click()
+    code = teacher.get_by_role("dialog").locator(".mono").first.inner_text()
+    page = new_page(browser, width=320, height=700, by_finger=True)
+    page.goto(f"{demo.base}/come")
+
+    def readable() -> None:
+        page.wait_for_function(FITS)
+        assert hurdles_by_day_and_night(page) == []
+
+    readable()
+    page.get_by_label("Code of the class").fill(code)
+    page.get_by_role("button", name="Next").click()
+    page.get_by_role("button", name="Mia", exact=True).wait_for()
+    readable()
+    page.get_by_role("button", name="Mia", exact=True).click()
+    page.get_by_role("group", name="Picture 1").wait_for()
+    readable()
+    page.context.close()
 
 
 def test_a_cards_name_says_its_state_and_follows_it(visitors: Mapping[str, Page], demo: Site) -> None:
