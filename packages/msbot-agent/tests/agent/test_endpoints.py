@@ -180,7 +180,7 @@ def test_a_barred_requester_asks_in_vain_and_its_old_requests_are_over() -> None
 def test_the_gate_may_reply_for_nobody_and_its_reply_needs_no_right() -> None:
     service = Service()
     replies: list[bytes | None] = [b"nobody", None, b"no room"]
-    service.asker.for_nobody["add_Request"] = lambda: replies.pop(0)
+    service.asker.for_nobody["add_Request"] = lambda _: replies.pop(0)
     service.asker.barred.add("add_Request")
     service.requester.recheck()
     service.requester.write(0x000D, b"?")

@@ -11,6 +11,7 @@ from msbot.config import Blueprint, Options, PartType, RobotProfile, Slot
 from msbot.master import Master
 from msbot.master.remote_agent import RemoteAgent
 from msbot.part import HelloWorld, Part
+from msbot.part.messages.standard import Number
 from msbot.pnp import Configuration, MemoryStore, PartEvent, SlotBinding
 from msbot.process.virtual_time import run_virtual
 from msbot_agent.link import InprocHub, Link, LinkInfo, LossyLink
@@ -19,6 +20,10 @@ from msbot_agent.link.can.sim import SimBus, SimBusDriver
 
 SAYS = SlotBinding("say", "topic", "HelloWorld", publishes=True)
 HEARS = SlotBinding("hear", "topic", "HelloWorld", publishes=False)
+ASKS = SlotBinding("ask", "double", "Number -> Number", publishes=False)
+ASKS_FAR = SlotBinding("ask_far", "treble", "Number -> Number", publishes=False)
+SERVES = SlotBinding("double", "double", "Number -> Number", publishes=True)
+SERVES_FAR = SlotBinding("treble", "treble", "Number -> Number", publishes=True)
 
 
 @dataclass
@@ -52,6 +57,8 @@ class Stage:
     parts: dict[str, Part]
     heard: dict[str, list[int]] = field(default_factory=dict)
     events: list[PartEvent] = field(default_factory=list)
+    served: list[float] = field(default_factory=list)
+    """What parts were asked."""
     start: Callable[[str, FarAgent], object] = lambda *_: None
     """Plug one more part in at an agent."""
 
@@ -60,9 +67,40 @@ class Stage:
         now = asyncio.get_running_loop().time()
         return {info.part_number: info.state.value for info in self.master.inventory.view(now) if info.part_number}
 
+    async def ask(self, number: str, port: str, value: float, seconds: float = 2.0) -> object:
+        """What a part gets for a call: a number, or a sentence."""
+        found: asyncio.Future[object] = asyncio.get_running_loop().create_future()
+
+        def done(reply: Number | None, error: str) -> None:
+            found.set_result(error if reply is None else reply.value)
+
+        self.parts[number].call(port, Number(value=value), timeout=seconds, on_reply=done)
+        return await found
+
     def speak(self, number: int) -> None:
         """The mouth says a number."""
         self.parts["MOUTH"].publish("say", HelloWorld(index=number, message="hi"))
+
+
+def declare_services(part: Part, stage: Stage) -> None:
+    """What each part asks and serves."""
+
+    def times(factor: float) -> Callable[[Number], Number]:
+        def serve(request: Number) -> Number:
+            stage.served.append(request.value)
+            return Number(value=factor * request.value)
+
+        return serve
+
+    match part.part_number:
+        case "MOUTH":
+            part.calls("ask", Number, Number)
+            part.calls("ask_far", Number, Number)
+        case "NEAR":
+            part.serves("double", Number, Number)(times(2.0))
+        case "FAR":
+            part.serves("treble", Number, Number)(times(3.0))
+            part.calls("ask", Number, Number)
 
 
 def play(
@@ -81,9 +119,9 @@ def play(
             types=tuple(PartType(slot.part_number, slot.name) for slot in slots),
             slots=slots,
             configurations=(
-                Configuration(1, "mouth", (SAYS,)),
-                Configuration(1, "near", (HEARS,)),
-                Configuration(1, "far", (HEARS,)),
+                Configuration(1, "mouth", (SAYS, ASKS, ASKS_FAR)),
+                Configuration(1, "near", (HEARS, SERVES)),
+                Configuration(1, "far", (HEARS, SERVES_FAR, ASKS)),
             ),
         )
         options = Options(authentication=authentication)
@@ -124,6 +162,7 @@ def play(
             heard = stage.heard.setdefault(number, [])
             if number != "MOUTH":
                 part.on("hear", HelloWorld)(lambda message: heard.append(message.index))
+            declare_services(part, stage)
             link: Link = at.desk.connect()
             if can:
                 link = CanPartLink(at.bus.attach(number), uid=part.uid or b"", random=Random(8))

@@ -166,3 +166,44 @@ def test_a_part_that_moves_to_another_agent_gets_its_slot_back() -> None:
         await asyncio.sleep(0.5)
 
     assert play(scene).heard["FAR"] == [3]
+
+
+@pytest.mark.promise("Parts at other agents serve and call as those at the master do")
+@pytest.mark.parametrize("drop", [0.0, 0.1])
+def test_parts_at_agents_serve_each_other_each_request_once(drop: float) -> None:
+    async def scene(stage: Stage) -> None:
+        assert await stage.ask("MOUTH", "ask", 21.0, 20.0) == 42.0  # at the same agent
+        assert await stage.ask("MOUTH", "ask_far", 5.0, 20.0) == 15.0  # at the other one
+        assert await stage.ask("FAR", "ask", 4.0, 20.0) == 8.0  # the other way
+        assert stage.served == [21.0, 5.0, 4.0]
+
+    play(scene, drop=drop, settle_s=20.0 if drop else 4.0)
+
+
+def test_a_call_from_an_agent_for_a_part_that_is_not_there_ends_at_once_with_the_reason() -> None:
+    async def scene(stage: Stage) -> None:
+        stage.parts["FAR"].end()
+        await asyncio.sleep(1.0)
+        before = asyncio.get_running_loop().time()
+        words = "call of ask_far: the robot does not pass it on: slot far is empty"
+        assert await stage.ask("MOUTH", "ask_far", 1.0, 600.0) == words
+        assert asyncio.get_running_loop().time() - before < 1.0
+        stage.left.cut()
+        asking = asyncio.create_task(stage.ask("MOUTH", "ask_far", 1.0, 600.0))
+        assert await stage.ask("MOUTH", "ask", 3.0) == 6.0  # the part that serves is at the same agent
+        await asyncio.sleep(100.0)
+        assert str(await asking).startswith("call of ask_far: the ")
+
+    play(scene)
+
+
+def test_a_part_that_moves_to_another_agent_serves_there() -> None:
+    async def scene(stage: Stage) -> None:
+        stage.parts["FAR"].end()
+        await asyncio.sleep(1.0)
+        stage.start("FAR", stage.left)
+        await asyncio.sleep(8.0)
+        assert await stage.ask("MOUTH", "ask_far", 2.0) == 6.0
+        assert stage.served == [2.0]
+
+    play(scene)

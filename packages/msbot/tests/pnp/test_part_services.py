@@ -409,6 +409,28 @@ def test_a_refusal_that_is_passed_on_names_who_refused() -> None:
     tell(story, store(slot("AA", *asks), slot("BB", halves, says, waits)))
 
 
+def test_a_call_for_a_part_that_has_just_come_ends_at_once() -> None:
+    async def story(scene: Scene) -> None:
+        halve(scene)
+        await scene.plug(scene.bb, scene.aa)
+        (aa,) = [one for one in scene.robot.inventory.view(0.0) if one.part_number == "ABCD"]
+        why = scene.robot.inventory.why_not_passed
+        assert why(aa.client_key, "half_Request", 0) == "the part in slot BB does not serve it yet: call again"
+        assert why(aa.client_key, "half_Request", 1) == why(aa.client_key, "half_Request", None) == ""
+        ports, membership = scene.bb._runner._ports, scene.bb._runner._membership
+        assert ports is not None
+        assert membership is not None
+        membership.client.delete(ports._bound["halve"].endpoint)
+        await asyncio.sleep(1.0)
+        replies: list[str] = []
+        scene.aa.call("ask", Number(value=1.0), timeout=600.0, on_reply=lambda _, error: replies.append(error))
+        await asyncio.sleep(1.0)
+        words = "call of ask: the robot does not pass it on: the part in slot BB does not serve it yet: call again"
+        assert replies == [words]
+
+    tell(story)
+
+
 class Said(Message):
     """What a program that was written for another library replies."""
 

@@ -147,7 +147,6 @@ def test_a_part_asks_a_node(tmp_path: Path) -> None:
     async def scene(stage: Stage) -> None:
         ros = RosStage(stage)
         answers = [Trigger_Response(success=True, message="dong"), Trigger_Response(success=False, message="no bell")]
-        asked = node_that_serves(ros, "/bell", answers)
         part = stage.parts["AA"]
         part.calls("ask", HelloWorld, HelloWorld)
         heard: list[object] = []
@@ -162,6 +161,9 @@ def test_a_part_asks_a_node(tmp_path: Path) -> None:
             await asyncio.sleep(1.5)
             return heard.pop()
 
+        words = "no node of ROS 2 serves /bell now: `ros2 service list` shows those that do"
+        assert await call() == f"call of ask: the robot does not pass it on: {words}"
+        asked = node_that_serves(ros, "/bell", answers)
         assert await call() == HelloWorld(index=0, message="dong")
         assert await call() == "call of ask: refused: no bell"
         assert "no reply within 1 s" in str(await call())

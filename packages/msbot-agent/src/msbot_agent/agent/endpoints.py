@@ -179,10 +179,10 @@ class Requester(Endpoint):
 
     def write(self, request_id: int, payload: bytes) -> None:
         """Send a request; the reply will carry `request_id`. One that would reach nobody may be answered at once."""
-        instead = None if self._for_nobody is None else self._for_nobody()
+        writer = self._requests.writer
+        instead = None if self._for_nobody is None else self._for_nobody(None if writer is None else writer.readers)
         if instead is not None and self._answers.say(request_id.to_bytes(2, "big") + self._object_octets + instead):
             return
-        writer = self._requests.writer
         if writer is not None:
             # Before the write: a replier in this process may answer within it.
             self._pending.add(writer.published + 1, request_id)

@@ -52,8 +52,9 @@ class SampleGuard(Protocol):
         """The sealed sample for the client's object with that id."""
 
 
-ReplyIfUnserved = Callable[[], bytes | None]
-"""The reply to a request that reaches nobody now; None: the request goes its way."""
+ReplyIfUnserved = Callable[[int | None], bytes | None]
+"""The reply to a request that reaches nobody now; None: the request goes its way. It is told how many would read the
+request in the data space; None: nobody can know."""
 
 
 class Gate(Protocol):

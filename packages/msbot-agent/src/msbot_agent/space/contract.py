@@ -95,6 +95,10 @@ class Writer(Protocol):
     def published(self) -> int:
         """Samples written since it was made."""
 
+    @property
+    def readers(self) -> int | None:
+        """Readers that match it now, here and elsewhere; None: nobody can know."""
+
     def write(self, payload: bytes, related: tuple[Guid, int] | None = None) -> int:
         """Give one sample to every matched reader; returns its sequence number."""
 

@@ -141,6 +141,11 @@ class MemoryWriter:
         """Samples for readers that come later, oldest first."""
         return () if self._history is None else self._history.samples
 
+    @property
+    def readers(self) -> int:
+        """Readers that match it now."""
+        return len(self.route.accepts)
+
     def write(self, payload: bytes, related: tuple[Guid, int] | None = None) -> int:
         """Give one sample to every matched reader; returns its sequence number.
 

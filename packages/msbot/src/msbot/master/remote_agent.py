@@ -18,6 +18,7 @@ from functools import partial
 from typing import Final, NamedTuple
 
 from msbot.master.master import INVENTORY_KEY, MASTER_KEY, StoppableLink
+from msbot.master.service_bridge import ServiceBridge
 from msbot.part import Client, ClientSettings, ConnectionState, Entity, ServiceNames
 from msbot.part.join import pnp_messages, thesis_messages
 from msbot.pnp import Profile
@@ -26,6 +27,7 @@ from msbot.pnp.master_service import MasterService
 from msbot.pnp.remote_agents.agent_messages import FromAgent, OpenTopic, is_sendable
 from msbot.pnp.remote_agents.agents_service import NAMES, ReliableSendQueue, goes_at_once
 from msbot.pnp.remote_agents.remote_gate import RemoteGate
+from msbot.service_types import service_type
 from msbot_agent.agent import Agent, AgentSettings, AgentSignalHandler, client_key_of
 from msbot_agent.link import InprocHub, Link, Peer, Signal
 from msbot_agent.process.end_signals import ungrouped
@@ -73,6 +75,7 @@ class TopicBridge:
         self._space = space
         self._client = client
         self._participant = client.create_participant("msbot_agent")
+        self.services = ServiceBridge(space, client, self._participant)
         self._publisher = client.create_publisher(self._participant)
         self._subscriber = client.create_subscriber(self._participant)
         self._up: dict[_TopicDirection, tuple[Reader, tuple[Entity, Entity]]] = {}
@@ -85,9 +88,12 @@ class TopicBridge:
 
     def set_topics(self, topics: Iterable[OpenTopic]) -> None:
         """Carry these topics from now on, each in the direction in which parts here use it, and no others."""
+        topics = list(topics)
+        self.services.set_services(topics)
         wanted = {
             _TopicDirection(topic.topic, topic.topic_type, bool(topic.reliable), bool(topic.publishes)): None
             for topic in topics
+            if service_type(topic.topic_type) is None
         }
         for way in [*self._up, *self._down]:
             if way not in wanted:
@@ -269,7 +275,10 @@ class RemoteAgent:
             settings=replace(ClientSettings.for_link(way.info), echo=False, asks_again=True, numbers_logins=True),
             on_state=self._master_changed,
             on_topic=lambda object_id, _, payload: self.bridge.arrived(object_id, payload),
-            on_reply=lambda _, __, octets: self.gate.receive(octets, self._loop.time()),
+            on_reply=self._replied,
+            on_request=lambda object_id, _, identity, octets: self.bridge.services.requested(
+                object_id, identity, octets
+            ),
             on_room=self._room_gained,
         )
         participant = self._client.create_participant("msbot_agents")
@@ -354,6 +363,13 @@ class RemoteAgent:
     def _master_changed(self, state: ConnectionState, reason: str) -> None:  # noqa: ARG002
         if state is not ConnectionState.CONNECTED:
             self.gate.lost_master()
+            self.bridge.services.session_lost()
+
+    def _replied(self, object_id: int, number: int, octets: bytes) -> None:
+        if object_id in (self._at_once.object_id, self._in_order.object_id):
+            self.gate.receive(octets, self._loop.time())
+        else:
+            self.bridge.services.replied(object_id, number, octets)
 
     def _room_gained(self) -> None:
         self._sayings.go_on()

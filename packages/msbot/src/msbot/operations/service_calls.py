@@ -22,6 +22,9 @@ from msbot_xrce.errors import CallError, ConfigError, RemoteProtocolError
 
 MOST_OPEN = 64
 """Calls of the robot itself that wait for their replies, whoever asked for them."""
+BEGINS_S = 2.0
+"""How long a request waits for a part that has come, and does not serve yet."""
+LOOK_S = 0.05
 _SERVICE = Qos(service=True)
 
 
@@ -102,6 +105,10 @@ class ServiceCalls:
         try:
             self._open.open(number, str(end), seconds, loop.time(), done)
             self._set_alarm()
+            for _ in range(int(min(seconds, BEGINS_S) / LOOK_S)):
+                if writer.readers != 0:
+                    break
+                await asyncio.sleep(LOOK_S)  # its part has come just now
             writer.write(request)
             found = await outcome
         finally:

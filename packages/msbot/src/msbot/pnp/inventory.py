@@ -42,6 +42,7 @@ from msbot.pnp.slot_assignment import PLACEABLE, SlotReassignment, TakeOver
 from msbot.pnp.slot_matching import Match, Matcher
 from msbot.pnp.state_changes import HandControl, StateChanges
 from msbot.pnp.type_agreement import TypeAgreement
+from msbot.service_types import request_topic
 from msbot_agent.text.sentence import said
 from msbot_xrce.counting import Tally
 from msbot_xrce.errors import LocalProtocolError
@@ -145,21 +146,30 @@ class Inventory:
         record = self._index.record_of(client_key)
         return None if record is None or not record.is_registered else record.configuration
 
-    def why_not_passed(self, client_key: int, topic: str) -> str:
-        """Why a request that a registered part sends on a topic reaches nobody now, in words; empty: it may."""
-        configuration = self.configuration_of(client_key)
-        bindings = () if configuration is None else configuration.bindings
-        called = next((one for one in bindings if one.calls_on(topic)), None)
-        if called is None:
+    def why_not_passed(self, client_key: int | None, topic: str, readers: int | None = None) -> str:
+        """Why a request that a registered part sends on a topic reaches nobody now, in words; empty: it may.
+
+        Args:
+            client_key: of the part; None: an agent sends it for one of its parts.
+            topic: where it goes in the data space.
+            readers: how many would read it there; None: it is not known.
+        """
+        service = topic.removesuffix(request_topic(""))
+        if client_key is not None:
+            configuration = self.configuration_of(client_key)
+            bindings = () if configuration is None else configuration.bindings
+            if not any(one.calls_on(topic) for one in bindings):
+                return ""
+            if why := self.pupil_parts.why_held(client_key):
+                return why
+        if service in self.served_outside or (readers != 0 and self._changes.has_publisher(service)):
             return ""
-        if why := self.pupil_parts.why_held(client_key):
-            return why
-        if called.topic in self.served_outside or self._changes.has_publisher(called.topic):
-            return ""
-        slot = next((name for name in self._matcher.names() if self._serves(name, called.topic)), None)
+        slot = next((name for name in self._matcher.names() if self._serves(name, service)), None)
         if slot is None:
-            return said("no slot serves {topic} any more", topic=called.topic)
-        return self.why_unserved(slot)
+            return said("no slot serves {topic} any more", topic=service)
+        if why := self.why_unserved(slot):
+            return why
+        return said("the part in slot {slot} does not serve it yet: call again", slot=slot) if readers == 0 else ""
 
     def why_unserved(self, slot: str) -> str:
         """Why nobody serves in that slot now, in words; empty: its part may."""

@@ -117,6 +117,13 @@ class SlotBinding:
         """Whether the port calls, and its requests go to that topic of the data space."""
         return self.is_service and not self.publishes and request_topic(self.topic) == topic
 
+    def opened(self) -> tuple[tuple[str, bool], ...]:
+        """The topics of the data space that `opens` is true of, each with whether the part writes there."""
+        if not self.is_service:
+            return ((self.topic, self.publishes),)
+        requests = (request_topic(self.topic), not self.publishes)
+        return (requests, (reply_topic(self.topic), True)) if self.publishes else (requests,)
+
     def opens(self, topic: str, *, publishes: bool) -> bool:
         """Whether the port makes the part write (or read) a topic of the data space.
 

@@ -185,7 +185,7 @@ class RobotGate:
         seal = self._inventory.seals.of(client.key)
         return None if seal is None else _SampleSealer(seal, partial(self._sample_refused, client.key))
 
-    def reply_if_unserved(self, client: AskingClient, topic: str) -> Callable[[], bytes | None] | None:
+    def reply_if_unserved(self, client: AskingClient, topic: str) -> Callable[[int | None], bytes | None] | None:
         """What a part that calls learns at once when the robot does not pass its request on."""
         if self._is_trusted(client) or topic in RESERVED_TOPICS:
             return None
@@ -286,8 +286,9 @@ class RobotGate:
             return False
         return any(binding.opens(topic, publishes=publishes) for binding in configuration.bindings)
 
-    def _reply_for_nobody(self, key: int, topic: str) -> bytes | None:
-        why = self._inventory.why_not_passed(key, topic)
+    def _reply_for_nobody(self, key: int, topic: str, readers: int | None) -> bytes | None:
+        is_agent = self._agents is not None and self._agents.knows(key)
+        why = self._inventory.why_not_passed(None if is_agent else key, topic, readers)
         return encode_reply(ReplyStatus.NOT_PASSED, why) if why else None
 
     def _sample_refused(self, key: int, reason: str) -> None:

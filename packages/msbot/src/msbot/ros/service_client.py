@@ -57,6 +57,10 @@ class ServiceClient:
         except RemoteProtocolError as error:
             self._reply.write(encode_reply(ReplyStatus.UNREADABLE, str(error)), identity)
             return True
+        if self._ask.readers == 0:
+            why = f"no node of ROS 2 serves {self._service.name} now: `ros2 service list` shows those that do"
+            self._reply.write(encode_reply(ReplyStatus.NOT_PASSED, why), identity)
+            return True
         self._open[self._ask.published + 1] = identity  # its number; the reply may come before `write` returns
         self._ask.write(octets)
         while len(self._open) > MOST_OPEN:

@@ -130,6 +130,11 @@ class ServiceEnd:
             found[f"{told.topic}: {lost} samples were lost: a DDS peer does not acknowledge in time"] = None
         return list(found)[:MAX_TROUBLES]
 
+    @property
+    def readers(self) -> int:
+        """Readers of other programs that match it, if it writes."""
+        return 0 if self.endpoint.writer is None else len(self.endpoint.writer.proxies)
+
     def close(self) -> None:
         """Leave DDS."""
         self._driver.participant.close_endpoint(self.endpoint, self._driver.now())
@@ -295,6 +300,11 @@ class ServiceWriter:
     def published(self) -> int:
         """Samples written since it was made."""
         return self._memory.published
+
+    @property
+    def readers(self) -> int:
+        """Who gets its requests or replies now, here and elsewhere."""
+        return self._memory.readers + sum(end.readers for end in self._ends)
 
     def write(self, payload: bytes, related: tuple[Guid, int] | None = None) -> int:
         """Send a request, or answer one; returns its sequence number."""

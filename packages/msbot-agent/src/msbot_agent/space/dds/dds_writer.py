@@ -143,6 +143,11 @@ class DdsWriter:
         return self._memory.published
 
     @property
+    def readers(self) -> int:
+        """Readers that match it now: those here, and one for each topic of DDS that has some."""
+        return self._memory.readers + sum(outlet.has_readers for outlet, _ in self._outlets)
+
+    @property
     def outlets(self) -> tuple[LibraryWriter, ...]:
         """Its writers in the library."""
         return tuple(outlet for outlet, _ in self._outlets)

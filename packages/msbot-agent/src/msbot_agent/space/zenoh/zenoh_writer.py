@@ -221,6 +221,11 @@ class ZenohWriter:
         """Samples written since it was made."""
         return self._memory.published
 
+    @property
+    def readers(self) -> int | None:
+        """Not known of those elsewhere."""
+        return self._memory.readers or (None if self.outlets else 0)
+
     def write(self, payload: bytes, related: tuple[Guid, int] | None = None) -> int:
         """Give one sample to every matched reader here and elsewhere; returns its sequence number."""
         number = self._memory.write(payload, related)

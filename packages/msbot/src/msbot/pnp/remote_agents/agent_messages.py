@@ -127,12 +127,13 @@ class AgentRefused(Message):
 
 
 class OpenTopic(Message):
-    """A topic that a client may use."""
+    """A topic or a service that a client may use."""
 
     topic: Text
     topic_type: Text
+    """Of a service `Request -> Reply`."""
     publishes: uint8
-    """1 = it may write there, 0 = it may read."""
+    """1 = it may write there, 0 = it may read; of a service 1 = it serves, 0 = it calls."""
     reliable: uint8
 
 

@@ -423,19 +423,16 @@ class MasterSide:
 
     def _topics_changed(self, agent: _Agent) -> None:
         configurations = [self._configuration(one.client.key) for one in agent.sessions.values()]
-        bindings = (binding for one in configurations for binding in _topic_bindings(one))
-        topics = frozenset((binding.topic, binding.publishes) for binding in bindings)
+        bindings = (binding for one in configurations if one is not None for binding in one.bindings)
+        topics = frozenset(topic for binding in bindings for topic in binding.opened())
         if topics != agent.topics:
             agent.topics = topics
             self._around.recheck(agent.key)
 
 
-def _topic_bindings(configuration: Configuration | None) -> list[SlotBinding]:
-    return [] if configuration is None else [one for one in configuration.bindings if not one.is_service]
-
-
 def _topics_of(configuration: Configuration | None) -> list[OpenTopic]:
-    found = {(one.topic, one.publishes): one for one in _topic_bindings(configuration) if one.topic}
+    bindings: tuple[SlotBinding, ...] = () if configuration is None else configuration.bindings
+    found = {(one.topic, one.publishes): one for one in bindings if one.topic}
     return [
         OpenTopic(topic=topic, topic_type=one.type_name, publishes=int(publishes), reliable=int(one.reliable))
         for (topic, publishes), one in found.items()

@@ -17,6 +17,7 @@ from dataclasses import field
 from typing import Final, Protocol
 
 from msbot.part.join import pnp_messages, thesis_messages
+from msbot.pnp.model import SlotBinding
 from msbot.pnp.profile import PROFILE_TOPIC, Profile
 from msbot.pnp.remote_agents.agent_messages import (
     AgentBeat,
@@ -111,6 +112,7 @@ class _Session:
     """How often it was opened, and whether it read the profile, as the master has heard."""
     settled: bool = False
     topics: dict[tuple[str, bool], OpenTopic] = field(default_factory=dict)
+    """What it may write (True) and read."""
     flood_told_at: float = -math.inf
 
     @property
@@ -254,8 +256,8 @@ class RemoteGate:
     def guard_of(self, client: ClientInfo) -> None:
         """Always None: a robot with sealed samples takes no agents."""
 
-    def reply_if_unserved(self, client: ClientInfo, topic: str) -> None:
-        """Always None: parts here neither serve nor call."""
+    def reply_if_unserved(self, client: ClientInfo, topic: str) -> Callable[[int | None], bytes | None] | None:
+        """Always None: the master knows who serves, and answers by itself."""
 
     # What the agent is told by its surroundings
 
@@ -390,7 +392,7 @@ class RemoteGate:
         if session is None or message.times != session.times:
             return  # it has ended or was opened again in the meantime: what holds for that one is on its way
         session.confirmed = (message.times, bool(message.reads_profile))
-        topics = {(topic.topic, bool(topic.publishes)): topic for topic in message.topics}
+        topics = {opened: topic for topic in message.topics for opened in _opened_by(topic)}
         if (session.settled, session.topics.keys()) == (bool(message.settled), topics.keys()):
             return
         session.settled, session.topics = bool(message.settled), topics
@@ -426,3 +428,8 @@ class RemoteGate:
     @staticmethod
     def _is_own(client: ClientInfo) -> bool:
         return client.link == TRUSTED_LINK
+
+
+def _opened_by(topic: OpenTopic) -> Iterable[tuple[str, bool]]:
+    """The topics of the space that a topic or service opens, each with whether it may be written."""
+    return SlotBinding("", topic.topic, topic.topic_type, bool(topic.publishes)).opened()

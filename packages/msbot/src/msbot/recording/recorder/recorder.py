@@ -426,6 +426,11 @@ class _RecordedWriter:
         """See `Writer.published`."""
         return self._inner.published
 
+    @property
+    def readers(self) -> int | None:
+        """See `Writer.readers`."""
+        return self._inner.readers
+
 
 def _recorded_write(inner: _Write, number: int, record: Callable[[bytes], int], clock: Callable[[], float]) -> _Write:
     """`Writer.write` with a record of each sample; a closure, because this is the path of every sample."""
