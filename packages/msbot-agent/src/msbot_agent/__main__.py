@@ -1,5 +1,5 @@
 """`python -m msbot` is the `msbot` command."""
 
-from msbot_agent.cli import main
+from msbot_command import main
 
 main()

@@ -1,6 +1,6 @@
 """`python -m msbot`: the command."""
 
-from msbot_agent.cli import main
+from msbot_command import main
 
 if __name__ == "__main__":
     main()

@@ -8,8 +8,9 @@ import sys
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
-from msbot_agent.cli import help_page, interrupts
+from msbot_agent.cli import help_page
 from msbot_agent.startup.extensions import extensions
+from msbot_command import end, without_traceback
 
 if TYPE_CHECKING:
     from msbot_agent.cli.group import msbot
@@ -121,13 +122,13 @@ _HELP = (["-h"], ["--help"])
 
 def main() -> None:
     """Entry point: a user's mistake is one message on stderr and exit status 2, never a traceback; nor is Ctrl-C."""
-    interrupts.without_traceback()
+    without_traceback()
     try:
         if os.environ.get("_MSBOT_COMPLETE", "").endswith("_complete"):
             _complete()
         _run()
     except KeyboardInterrupt:
-        interrupts.end()
+        end()
 
 
 def _complete() -> None:

@@ -15,7 +15,7 @@ import click
 from click.core import ParameterSource
 from click.shell_completion import CompletionItem
 
-from msbot_agent.cli import BUILT_IN, COMMANDS, command_lines, interrupts, package_of, task_lines
+from msbot_agent.cli import BUILT_IN, COMMANDS, command_lines, package_of, task_lines
 from msbot_agent.cli.build_name import print_version
 from msbot_agent.cli.exit_status import ExitStatus
 from msbot_agent.cli.help_page import SUMMARY, command_list, leave_output
@@ -23,6 +23,7 @@ from msbot_agent.startup.bytecode_cache import without_garbage_collection
 from msbot_agent.startup.extensions import extensions
 from msbot_agent.text.sentence import printable, whole
 from msbot_agent.text.similar_names import did_you_mean, nearest
+from msbot_command import end
 from msbot_xrce.errors import MsbotError
 
 NO_ROOM = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
@@ -108,7 +109,7 @@ def run() -> None:
         words = error.format_message()
     except click.Abort as error:
         if isinstance(error.__cause__, KeyboardInterrupt):
-            interrupts.end()
+            end()
         complain("broken off before it was done")
         sys.exit(ExitStatus.NO)
     except MsbotError as error:

@@ -1,18 +1,49 @@
-"""Ctrl-C ends a command without a traceback, wherever it comes: in an import, in a callback, at the very end.
+"""What `msbot` begins with: from here on Ctrl-C shows no traceback, not even while MsBOT itself is imported.
 
 Python prints an interrupt in two places besides `except`: where nothing catches it, and where nothing can, as in the
 callback of a weak reference (each import has some). There it would be lost, too, so that it is raised again.
+
+It stands outside of the packages and imports only what Python has loaded already: the import of a package takes longer
+than a finger.
 """
 
 from __future__ import annotations
 
 import _thread
 import sys
-from contextlib import suppress
-from types import TracebackType
-from typing import NoReturn
 
-from msbot_agent.cli.exit_status import ExitStatus
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from types import TracebackType
+    from typing import NoReturn
+
+INTERRUPTED = 130
+"""The exit status, `ExitStatus.INTERRUPTED`."""
+
+
+def main() -> None:
+    """Entry point of the command."""
+    without_traceback()
+    try:
+        from msbot_agent.cli import main as run
+
+        run()
+    except KeyboardInterrupt:
+        end()
+
+
+def end() -> NoReturn:
+    """End the program because of Ctrl-C."""
+    complain("broken off before it was done")
+    sys.exit(INTERRUPTED)
+
+
+def complain(words: str) -> None:
+    """Say on standard error what is wrong, where there is somebody to hear it."""
+    try:  # `contextlib` is not loaded yet
+        print(f"msbot: {words}", file=sys.stderr, flush=True)
+    except OSError:
+        return
 
 
 def without_traceback() -> None:
@@ -21,18 +52,6 @@ def without_traceback() -> None:
         sys.excepthook = _uncaught
     if sys.unraisablehook is sys.__unraisablehook__:
         sys.unraisablehook = _unraisable
-
-
-def end() -> NoReturn:
-    """End the program because of Ctrl-C."""
-    complain("broken off before it was done")
-    sys.exit(ExitStatus.INTERRUPTED)
-
-
-def complain(words: str) -> None:
-    """Say on standard error what is wrong, where there is somebody to hear it."""
-    with suppress(OSError):
-        print(f"msbot: {words}", file=sys.stderr, flush=True)
 
 
 def _uncaught(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
