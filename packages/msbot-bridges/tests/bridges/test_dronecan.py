@@ -109,3 +109,29 @@ async def test_a_genuine_servo_is_found_told_stopped_and_missed() -> None:
         await asyncio.to_thread(servo.thread.join)
         running.cancel()
         await asyncio.wait([running])
+
+
+async def test_the_allocator_forgets_nodes_that_are_gone_when_it_has_no_ids_left() -> None:
+    from dronecan.app.node_monitor import NodeMonitor
+
+    from msbot_bridges.canbus import open_bus
+    from msbot_bridges.dronecan.can_driver import PythonCanDriver
+    from msbot_bridges.dronecan.node_ids import NodeIdAllocator
+
+    bus = f"msbot:{uuid4().hex[:12]}"
+
+    def allocate() -> tuple[list[int], list[int], set[int]]:
+        node = dronecan.node.Node(PythonCanDriver(open_bus(bus)), 126)
+        try:
+            allocator = NodeIdAllocator(node, NodeMonitor(node), 1, 6)
+            for node_id in range(2, 7):
+                allocator._allocation_table.set(bytes([node_id] * 16), node_id)
+            table = allocator._allocation_table
+            return allocator.make_room(), allocator.make_room(), {node_id for _, node_id in table.get_entries()}
+        finally:
+            node.close()
+
+    first, again, left = await asyncio.to_thread(allocate)
+    assert len(first) == 2
+    assert again == [], "only as many as are needed"
+    assert left == {126, 2, 3, 4, 5, 6} - set(first)

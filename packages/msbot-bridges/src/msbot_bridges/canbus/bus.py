@@ -9,8 +9,10 @@ from msbot_xrce.errors import ConfigError, LinkDown
 if TYPE_CHECKING:
     import can
 
-SEND_S: Final = 0.02
+SEND_S: Final = 0.5
 """Longest wait for room in the controller."""
+ALONE_S: Final = 0.02
+"""The same after a frame has found none."""
 
 
 def check_address(address: str) -> None:
@@ -46,16 +48,35 @@ def open_bus(address: str) -> can.BusABC:
         raise LinkDown(f"{address} cannot be opened: {error}") from error
 
 
-def send_frame(bus: can.BusABC, message: can.Message) -> bool:
-    """Hand a frame to the controller; False: it had no room, and the frame is lost: a node may be alone on its bus.
+class FrameSender:
+    """Hands frames to a controller.
 
-    Raises:
-        can.CanError: the bus cannot send.
+    A frame waits for room while other nodes are on the bus. A node alone there gets no acknowledgement, and so no room:
+    its frames are counted and lost, after a short wait for each.
+
+    Args:
+        bus: an open bus.
     """
-    import can
 
-    try:
-        bus.send(message, SEND_S)
-    except can.CanTimeoutError:
-        return False
-    return True
+    def __init__(self, bus: can.BusABC) -> None:
+        self.unsent = 0
+        """Frames for which there was no room."""
+        self._bus = bus
+        self._is_alone = False
+
+    def send(self, message: can.Message) -> bool:
+        """Send a frame; False: it is lost.
+
+        Raises:
+            can.CanError: the bus cannot send.
+        """
+        import can
+
+        try:
+            self._bus.send(message, ALONE_S if self._is_alone else SEND_S)
+        except can.CanTimeoutError:
+            self._is_alone = True
+            self.unsent += 1
+            return False
+        self._is_alone = False
+        return True

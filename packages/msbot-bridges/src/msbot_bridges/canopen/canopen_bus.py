@@ -7,6 +7,7 @@ notifier reads the bus.
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import logging
 import time
 from collections.abc import Callable, Container, Sequence
@@ -19,7 +20,7 @@ from canopen.sdo import SdoAbortedError, SdoCommunicationError
 
 import can
 from msbot_bridges.bridge import WorldThread
-from msbot_bridges.canbus import open_bus, send_frame
+from msbot_bridges.canbus import FrameSender, open_bus
 from msbot_bridges.canopen.canopen_device import OPERATIONAL, OWN_ID, CanopenDevice
 from msbot_bridges.canopen.eds_folder import EdsFolder
 from msbot_bridges.canopen.node_description import NodeDescription, ask_node
@@ -52,8 +53,7 @@ class BridgeNetwork(canopen.Network):  # type: ignore[misc]  # the library has n
 
     def __init__(self, bus: can.BusABC, heard: Callable[[int, bytes], None]) -> None:
         super().__init__(bus)
-        self.unsent = 0
-        """Frames for which the controller had no room."""
+        self.sender = FrameSender(bus)
         self.listeners = [_Listener(self, heard)]
 
     def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
@@ -62,13 +62,21 @@ class BridgeNetwork(canopen.Network):  # type: ignore[misc]  # the library has n
         with self.send_lock:
             if self.bus is None:
                 raise can.CanOperationError("the bus was left")
-            self.unsent += not send_frame(self.bus, message)
+            self.sender.send(message)
+
+    def disconnect(self) -> None:
+        """See the library; what has ended the bus was told by `check`."""
+        with contextlib.suppress(can.CanError):
+            super().disconnect()
 
 
 class _Listener(MessageListener):  # type: ignore[misc]
     def __init__(self, network: BridgeNetwork, heard: Callable[[int, bytes], None]) -> None:
         super().__init__(network)
         self._heard = heard
+
+    def on_error(self, exc: Exception) -> None:
+        """The bus cannot be read: `check` raises it."""
 
     def on_message_received(self, msg: can.Message) -> None:
         if msg.is_extended_id:
@@ -136,9 +144,9 @@ class CanopenBus:
             network, node_id = self._network, next(unknown, None)
             if network is None or node_id is None:
                 return
-            unsent = network.unsent
+            unsent = network.sender.unsent
             network.send_message(SDO_REQUEST + node_id, _WHO_ARE_YOU)
-            if network.unsent == unsent:  # otherwise nobody else is on the bus
+            if network.sender.unsent == unsent:  # otherwise nobody else is on the bus
                 self._orders.post(ask_next)
 
         self._orders.post(ask_next)

@@ -18,7 +18,7 @@ from msbot_bridges.canopen.node_description import NodeDescription
 LOOK_S: Final = 0.1
 SEARCH_S: Final = 10.0
 """So often all node ids are asked."""
-ASK_AGAIN_S: Final = 5.0
+ASK_AGAIN_S: Final = 2.0
 """Time after which a node that could not be asked, or of which no part can be made, is asked again."""
 BEATS: Final = 3
 """Heartbeats that may be missing."""

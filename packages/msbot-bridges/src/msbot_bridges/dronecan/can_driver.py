@@ -10,7 +10,7 @@ import time
 from dronecan.driver.common import AbstractDriver, CANFrame, DriverError
 
 import can
-from msbot_bridges.canbus import send_frame
+from msbot_bridges.canbus import FrameSender
 
 
 class PythonCanDriver(AbstractDriver):  # type: ignore[misc]  # the library has no types
@@ -22,9 +22,7 @@ class PythonCanDriver(AbstractDriver):  # type: ignore[misc]  # the library has 
 
     def __init__(self, bus: can.BusABC) -> None:
         super().__init__()
-        self.unsent = 0
-        """Frames for which the controller had no room."""
-        self._bus = bus
+        self._bus, self._sender = bus, FrameSender(bus)
 
     def receive(self, timeout: float | None = None) -> CANFrame | None:
         """The next frame with a 29-bit identifier, or None after `timeout` seconds."""
@@ -52,8 +50,7 @@ class PythonCanDriver(AbstractDriver):  # type: ignore[misc]  # the library has 
         """
         message = can.Message(arbitration_id=frame.id, is_extended_id=frame.extended, data=frame.data)
         try:
-            if not send_frame(self._bus, message):
-                self.unsent += 1
+            if not self._sender.send(message):
                 return
         except can.CanError as error:
             raise DriverError(str(error)) from error

@@ -9,13 +9,11 @@ from __future__ import annotations
 
 import logging
 import time
-from collections import deque
 from functools import partial
 from typing import Any
 
 import dronecan
 from dronecan import uavcan
-from dronecan.app.dynamic_node_id import CentralizedServer
 from dronecan.app.node_monitor import NodeMonitor
 from dronecan.driver.common import DriverError
 
@@ -24,6 +22,7 @@ from msbot_bridges.bridge import DeviceIdentity, DeviceSetting, World, WorldHost
 from msbot_bridges.canbus import open_bus
 from msbot_bridges.dronecan.can_driver import PythonCanDriver
 from msbot_bridges.dronecan.node_device import KINDS, NodeDevice
+from msbot_bridges.dronecan.node_ids import NodeIdAllocator
 from msbot_xrce.errors import LinkDown
 
 OWN_ID = 126
@@ -33,7 +32,10 @@ REPEAT_S = 0.1
 SPIN_S = 0.01
 MOST_SETTINGS = 60
 """Parameters read of one node; a description has no room for more."""
+WRITE_TIMES = 3
+"""So often a parameter is written to a node that does not answer."""
 _RAW_MOST = 8191
+_log = logging.getLogger("msbot.part")
 logging.getLogger("dronecan").setLevel(logging.WARNING)
 
 
@@ -60,10 +62,9 @@ class DronecanWorld(World):
     def __init__(self, address: str) -> None:
         self._address = address
         self._nodes: dict[int, _Node] = {}
-        self._types: dict[tuple[int, str], type] = {}
         self._driven: dict[int, NodeDevice] = {}
-        self._is_urgent = False
-        self._asked = deque[int](maxlen=128)
+        self._written = dict[tuple[int, str], object]()
+        """The newest value of each parameter, by the function that writes it."""
 
     async def run(self, host: WorldHost) -> None:
         """See `World`."""
@@ -83,7 +84,7 @@ class DronecanWorld(World):
         try:
             monitor = NodeMonitor(node)
             monitor.add_update_handler(self._monitored)
-            self._allocator = CentralizedServer(node, monitor, dynamic_node_id_range=(1, 125))
+            self._allocator = NodeIdAllocator(node, monitor)
             node.add_handler(uavcan.protocol.NodeStatus, self._status)
             for kind in KINDS:
                 message_type = uavcan
@@ -116,6 +117,8 @@ class DronecanWorld(World):
     def _lose(self, known: _Node, why: str) -> None:
         self._nodes.pop(known.node_id, None)
         self._driven.pop(known.node_id, None)
+        for key in [key for key in self._written if key[0] == known.node_id]:
+            del self._written[key]
         if (device := known.device) is not None:
             self._thread.tell(lambda: self._host.lost(device, why))
 
@@ -197,11 +200,20 @@ class DronecanWorld(World):
     def _write(self, node_id: int, name: str, value: object) -> None:
         """From the loop: give a parameter its value."""
 
-        def write() -> None:
+        def write(times: int = WRITE_TIMES) -> None:
+            def answered(event: Any) -> None:  # noqa: ANN401
+                if event is not None or self._written.get((node_id, name)) is not write:
+                    return  # done, or another value was written since
+                if times > 1:
+                    write(times - 1)
+                else:
+                    _log.warning("node %d has not answered that its parameter %s is %s", node_id, name, value)
+
             request = uavcan.protocol.param.GetSet.Request(name=name)
             request.value = parameter_value(value)
-            self._node.request(request, node_id, lambda _event: None)
+            self._node.request(request, node_id, answered)
 
+        self._written[node_id, name] = write
         self._thread.post(write)
 
 

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from msbot_bridges.bridge import BridgeLink, World, WorldKind
+from collections.abc import Mapping
+from typing import Any
+
+from msbot_bridges.bridge import BridgeLink, SimulatedDevice, World, WorldKind
 from msbot_bridges.canbus import check_address
 from msbot_xrce.errors import ConfigError
 
@@ -16,9 +19,30 @@ def open_world(link: BridgeLink) -> World:
     try:
         from msbot_bridges.dronecan.dronecan_world import DronecanWorld
     except ModuleNotFoundError as error:
-        raise ConfigError(f"DroneCAN takes the library {error.name}: pip install 'msbot-bridges[dronecan]'") from error
+        raise _missing(error) from error
     check_address(link.address)
     return DronecanWorld(link.address)
 
 
-WORLD = WorldKind("DroneCAN servos, motor controllers, range finders, batteries", "socketcan:can0", open_world)
+def _servo(link: BridgeLink, options: Mapping[str, Any]) -> SimulatedDevice:
+    check_address(link.address)
+    try:
+        from msbot_bridges.dronecan.simulated_servo import SimulatedServo
+    except ModuleNotFoundError as error:
+        raise _missing(error) from error
+    text = str(options.get("node", 42))
+    if set(options) - {"node"} or not text.isdecimal() or not 1 <= int(text) <= 125:
+        raise ConfigError("a simulated node takes --option node=N, from 1 to 125, and no other")
+    return SimulatedServo(link.address, int(text))
+
+
+def _missing(error: ModuleNotFoundError) -> ConfigError:
+    return ConfigError(f"DroneCAN takes the library {error.name}: pip install 'msbot-bridges[dronecan]'")
+
+
+WORLD = WorldKind(
+    "DroneCAN servos, motor controllers, range finders, batteries",
+    "socketcan:can0",
+    open_world,
+    simulated={"servo": _servo},
+)

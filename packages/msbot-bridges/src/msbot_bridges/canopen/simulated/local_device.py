@@ -112,10 +112,11 @@ class LocalDevice(ABC):
         """See `SimulatedDevice`."""
         running = asyncio.create_task(asyncio.to_thread(self.run_in_thread))
         try:
-            await asyncio.shield(running)
+            await asyncio.wait([running])
         finally:
             self.end()
-            await asyncio.wait([running])
+            await asyncio.gather(running, return_exceptions=True)
+        running.result()
 
     def end(self) -> None:
         """Pull it off its bus."""

@@ -19,6 +19,7 @@ import click
 from msbot.cli.bus.frame_log import FrameLog
 from msbot.cli.change.robot_access import master_details
 from msbot.cli.robot_options import metrics_option, user_name
+from msbot.cli.run.bridges_beside import bridges_beside, check_bridges
 from msbot.cli.run.master_services import RobotRecording, log_event, metrics_beside, rec_option
 from msbot.cli.run.world_options import WorldOptions, world_options
 from msbot.config import SAMPLES, Blueprint, Library, open_blueprint
@@ -34,6 +35,7 @@ from msbot_agent.process.end_signals import on_end_signal, run_to_end, ungrouped
 from msbot_agent.process.nonblocking_output import nonblocking_output
 from msbot_agent.space import SharedSpace, SpaceAddress
 from msbot_agent.startup.bytecode_cache import without_garbage_collection
+from msbot_agent.startup.extensions import extensions
 from msbot_school.cli.teaching_service import lessons_option
 from msbot_school.demo import DemoLinkKind, DemoRobot
 from msbot_school.demo.gallery import DemoChoice
@@ -145,9 +147,9 @@ class _Options:
 @click.option(
     "--robot",
     "sample",
-    type=click.Choice(list(SAMPLES)),
-    help="The sample: a rover of ten parts to play with, the thesis' ring of three, or a buggy that drives; "
-    "rover, and with --world buggy, unless given.",
+    type=click.Choice([*SAMPLES, *extensions().names("samples")]),
+    help="The sample: a rover of ten parts to play with, the thesis' ring of three, a buggy that drives, or what "
+    "extensions bring; rover, and with --world buggy, unless given.",
 )
 @world_options
 @click.option("--go-on", type=click.Path(path_type=Path, file_okay=False), hidden=True)
@@ -250,6 +252,7 @@ def command(
         click.echo("Starting the robot and its page ...")
     with demo_folder(go_on) as folder, contextlib.suppress(KeyboardInterrupt):
         blueprint, library = open_blueprint(blueprint_for(options.sample, options.lesson, folder))
+        check_bridges(blueprint)
         address = str(db or folder / "robot.db")
         nexts: list[Handover] = []
         with open_registry(address) as registry:  # may be slow, so no event loop waits for it
@@ -291,7 +294,7 @@ async def _main(
             library=library,
             space=recording.space(space),
             spares=_spares(blueprint) if options.spare else None,
-            unplugged=[slot.name for slot in blueprint.slots if slot.part_number == PILOT],
+            unplugged=[slot.name for slot in blueprint.slots if _comes_by_itself(slot.part_number, library)],
             door=world.door,
         )
         _check_script(options.script, robot)
@@ -305,6 +308,7 @@ async def _main(
         script = ScriptRun(options.script, robot, undo, notes.add)
         with _logging(robot, options.log):
             beside: list[Coroutine[object, object, None]] = world.coroutines(operations)
+            beside += bridges_beside(blueprint, robot.master, notes.add)
             desk = make_lesson_controller(operations, options.lessons, robot, options.world.world or "")
             room: RobotPages | None = None
 
@@ -368,6 +372,12 @@ async def _begin(desk: LessonController, robot: DemoRobot, options: _Options, no
         if before is None:
             raise
         notes.add(f"The lesson has not begun: {error}")  # who chose it on the page sees the robot, and can try again
+
+
+def _comes_by_itself(number: str, library: Library) -> bool:
+    """Whether the demo plugs in no part there: a person's program, or a device behind a bridge, takes the place."""
+    part_type = library.get(number)
+    return number == PILOT or (part_type is not None and bool(part_type.origin))
 
 
 def _spares(blueprint: Blueprint) -> dict[str, str]:

@@ -7,12 +7,14 @@ import contextlib
 import secrets
 from collections.abc import Callable, Coroutine, Sequence
 from pathlib import Path
+from types import FunctionType
 from typing import TYPE_CHECKING
 
 from msbot.cli.run.world_options import OTHER, WorldOptions, address, remote_world
 from msbot.config import write_sample
 from msbot.operations.dispatch import InProcessOperations
 from msbot.pnp import PartState
+from msbot_agent.startup.extensions import extensions
 from msbot_school.demo import DemoRobot
 from msbot_school.lessons.catalog import LessonCatalog
 from msbot_school.lessons.lesson import Lesson
@@ -86,7 +88,10 @@ def blueprint_for(sample: str, lesson: Lesson | None, folder: Path) -> Path:
         return lesson.blueprint
     path = folder / "robot.toml"
     path.unlink(missing_ok=True)  # of the demo before in this place
-    write_sample(path, sample if lesson is None else lesson.robot)
+    if lesson is None and (write := extensions().get("samples", sample, FunctionType)) is not None:
+        write(path)
+    else:
+        write_sample(path, sample if lesson is None else lesson.robot)
     return path
 
 

@@ -15,6 +15,7 @@ import click
 from msbot.cli.change.robot_access import master_details
 from msbot.cli.database_place import DEFAULT_BLUEPRINT, database_beside
 from msbot.cli.robot_options import DEFAULT_LINK, StopGroupType, db_option, library_option, metrics_option
+from msbot.cli.run.bridges_beside import bridges_beside, check_bridges
 from msbot.cli.run.master_services import (
     MasterCommand,
     MasterContext,
@@ -177,6 +178,7 @@ def command(
     own_group()  # as below
     log_wishes.set_up(logging.INFO if verbose else logging.WARNING)
     robot, library = open_blueprint(blueprint, *folders)
+    check_bridges(robot)
     description = read_description(robot)
     for address in addresses:
         open_link(address, serve=True, can=CAN)  # report mistakes before the database is touched
@@ -303,6 +305,7 @@ async def _main(  # noqa: PLR0917
             beside.append(RobotInRos(master, operations, space, description=description).run())
         if wishes.bigger is not None:
             beside.append(wishes.bigger.make(master).run())
+        beside += bridges_beside(blueprint, master, click.echo)
         context = MasterContext(master, operations, library, registry, robot, db, links, where, click.echo)
         for service in wishes.services:
             beside += service.coroutines(context)

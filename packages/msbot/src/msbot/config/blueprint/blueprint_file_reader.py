@@ -11,6 +11,7 @@ from msbot.config.blueprint.blueprint_model import (
     ROS_PARAMETERS,
     Binding,
     Blueprint,
+    BridgeTable,
     InDds,
     Options,
     RobotProfile,
@@ -21,6 +22,7 @@ from msbot.config.blueprint.blueprint_model import (
 )
 from msbot.config.blueprint.check import check_bindings, check_free_topics, check_slots, check_timing
 from msbot.config.library.part_library import Library, load_library
+from msbot.config.library.part_types import scalar_text
 from msbot.stop.socket_names import group_in
 from msbot_agent.ros.node_names import GLOBAL_TOPICS, is_topic
 from msbot_agent.text.sentence import said
@@ -112,13 +114,14 @@ def _read(document: Document, problems: Problems, library: Library, path: Path |
     timing = _read_timing(table.table("timing"))
     options = _read_options(table.table("options"))
     ros = _read_ros(table.table("ros"))
+    bridges = [_read_bridge(entry) for entry in table.tables("bridge")]
     slot_tables, binding_tables = table.tables("slot"), table.tables("binding")
     slots = [_read_slot(entry) for entry in slot_tables]
     bindings = [_read_binding(entry) for entry in binding_tables]
     table.finish()
     check_slots(table, slot_tables, slots, library)
     check_bindings(binding_tables, bindings, slots, library)
-    return Blueprint(robot, tuple(slots), tuple(bindings), timing, options, folders, path, ros)
+    return Blueprint(robot, tuple(slots), tuple(bindings), timing, options, folders, path, ros, tuple(bridges))
 
 
 def _read_library(table: Table) -> tuple[str, ...]:
@@ -191,6 +194,17 @@ def _read_ros(table: Table) -> RosOptions:
             table.report(said('"{value}" is none of {words}', value=name, words=quoted(GLOBAL_TOPICS)), "global_topics")
     table.finish()
     return ros
+
+
+def _read_bridge(table: Table) -> BridgeTable:
+    bridge = BridgeTable(
+        world=table.name("world", "canopen"),
+        link=table.name("link", "socketcan:can0"),
+        options={name: scalar_text(value) for name, value in table.scalars("options").items()},
+        simulate=tuple(table.names("simulate", "drive")),
+    )
+    table.finish()
+    return bridge
 
 
 def _read_slot(table: Table) -> Slot:

@@ -6,7 +6,16 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from hashlib import sha256
 
-from msbot.config.blueprint.blueprint_model import PRESETS, Binding, Blueprint, RobotProfile, RosOptions, Slot, Timing
+from msbot.config.blueprint.blueprint_model import (
+    PRESETS,
+    Binding,
+    Blueprint,
+    BridgeTable,
+    RobotProfile,
+    RosOptions,
+    Slot,
+    Timing,
+)
 from msbot_agent.toml.table import toml_key, toml_value
 
 
@@ -43,6 +52,9 @@ def _lines(blueprint: Blueprint, notes: Mapping[tuple[str, str], str]) -> Iterat
     if blueprint.ros != RosOptions():
         yield ""
         yield from _ros(blueprint.ros)
+    for bridge in blueprint.bridges:
+        yield ""
+        yield from _bridge(bridge)
     for slot in blueprint.slots:
         yield ""
         yield from _slot(slot, notes)
@@ -81,6 +93,17 @@ def _ros(ros: RosOptions) -> Iterator[str]:
             yield f"{name} = {toml_value(value)}"
     if ros.global_topics:
         yield f"global_topics = {_list(ros.global_topics)}"
+
+
+def _bridge(bridge: BridgeTable) -> Iterator[str]:
+    yield "[[bridge]]"
+    yield f"world = {toml_value(bridge.world)}"
+    yield f"link = {toml_value(bridge.link)}"
+    if bridge.options:
+        pairs = ", ".join(f"{toml_key(name)} = {toml_value(value)}" for name, value in bridge.options.items())
+        yield f"options = {{ {pairs} }}"
+    if bridge.simulate:
+        yield f"simulate = {_list(bridge.simulate)}"
 
 
 def _slot(slot: Slot, notes: Mapping[tuple[str, str], str]) -> Iterator[str]:

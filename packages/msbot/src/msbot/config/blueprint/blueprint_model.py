@@ -156,6 +156,19 @@ AUTHENTICATIONS = ("open", "key", "key+data")
 
 
 @dataclass(frozen=True, slots=True)
+class BridgeTable:
+    """Devices of another protocol that belong to the robot: what `msbot bridge` is told."""
+
+    world: str
+    """The protocol, by the name of its extension."""
+    link: str
+    """Where the devices are."""
+    options: Mapping[str, str] = field(default_factory=dict)
+    simulate: tuple[str, ...] = ()
+    """Simulated devices that are started there, each in a process of its own; `drive node=7` has options."""
+
+
+@dataclass(frozen=True, slots=True)
 class Blueprint:
     """Everything that `robot.toml` says, checked against the library."""
 
@@ -169,6 +182,7 @@ class Blueprint:
     source: Path | None = None
     """The file it was read from."""
     ros: RosOptions = field(default_factory=RosOptions)
+    bridges: tuple[BridgeTable, ...] = ()
 
     def slot(self, name: str) -> Slot | None:
         """The slot of that name."""

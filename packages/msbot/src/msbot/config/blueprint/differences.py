@@ -6,7 +6,16 @@ from collections.abc import Iterator, Mapping
 from dataclasses import fields
 
 from msbot.config.blueprint.blueprint_file_reader import parse_blueprint
-from msbot.config.blueprint.blueprint_model import Blueprint, InDds, Options, RobotProfile, RosOptions, Slot, Timing
+from msbot.config.blueprint.blueprint_model import (
+    Blueprint,
+    BridgeTable,
+    InDds,
+    Options,
+    RobotProfile,
+    RosOptions,
+    Slot,
+    Timing,
+)
 from msbot.config.library.part_library import Library, scalar_text
 from msbot_agent.text.sentence import joined, said
 from msbot_agent.toml.table import Scalar
@@ -50,6 +59,7 @@ def differences(old: Blueprint, new: Blueprint) -> tuple[Difference, ...]:
         *_fields("timing", old.timing, new.timing),
         *_fields("options", old.options, new.options),
         *_fields("ros", old.ros, new.ros),
+        *_bridges(old, new),
         *_slots(old, new),
         *_topics(old, new),
     )
@@ -64,6 +74,21 @@ def _fields(
         if before != after and field.name != "preset":
             consequence = "" if field.name == "stop_group" else LATER  # the next STOP goes by it
             yield Difference("changed", f"{where}, {field.name}", _words(before), _words(after), consequence)
+
+
+def _bridges(old: Blueprint, new: Blueprint) -> Iterator[Difference]:
+    before, after = ({f"bridge, {one.world} {one.link}": one for one in each.bridges} for each in (old, new))
+    for where in [*before, *(where for where in after if where not in before)]:
+        one, other = before.get(where), after.get(where)
+        if one != other:
+            change = "added" if one is None else "removed" if other is None else "changed"
+            yield Difference(change, where, _bridge_words(one), _bridge_words(other), LATER)
+
+
+def _bridge_words(bridge: BridgeTable | None) -> str:
+    if bridge is None:
+        return ""
+    return ", ".join([*(f"{name} = {value}" for name, value in bridge.options.items()), *bridge.simulate])
 
 
 def _slots(old: Blueprint, new: Blueprint) -> Iterator[Difference]:

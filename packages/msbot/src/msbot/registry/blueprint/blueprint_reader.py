@@ -13,6 +13,7 @@ from msbot.config import (
     SHIPPED,
     Binding,
     Blueprint,
+    BridgeTable,
     InDds,
     Options,
     RobotProfile,
@@ -25,6 +26,7 @@ from msbot.config import (
 )
 from msbot.registry.configurations import ORIGINS
 from msbot.registry.database.tables import (
+    BRIDGES,
     ROBOT,
     STOP_GROUP,
     WRITTEN_LIBRARY,
@@ -63,6 +65,10 @@ def read(connection: Connection, robot_id: int, *, by_hand: bool) -> Blueprint:
         Options(row.explain, tuple(row.free_topics), row.authentication),
         _own_library(connection, robot_id, row.in_dds.get(WRITTEN_LIBRARY, ())),
         ros=_ros_options(row.in_dds.get(ROBOT, {})),
+        bridges=tuple(
+            BridgeTable(one["world"], one["link"], one["options"], tuple(one["simulate"]))
+            for one in row.in_dds.get(BRIDGES, ())
+        ),
     )
 
 

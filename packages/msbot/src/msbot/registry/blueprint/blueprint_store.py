@@ -30,6 +30,7 @@ from msbot.config import (
 from msbot.registry.configurations import read_configurations
 from msbot.registry.database.statements import bump_versions, find_robot, upsert, upsert_many
 from msbot.registry.database.tables import (
+    BRIDGES,
     ROBOT,
     STOP_GROUP,
     WRITTEN_LIBRARY,
@@ -85,6 +86,7 @@ def _put_robot(connection: Connection, blueprint: Blueprint, now_ns: int) -> Rob
         "in_dds": {
             **({} if blueprint.ros == RosOptions() else {ROBOT: asdict(blueprint.ros)}),
             **({STOP_GROUP: profile.stop_group} if profile.stop_group else {}),
+            **({BRIDGES: [asdict(one) for one in blueprint.bridges]} if blueprint.bridges else {}),
             **({WRITTEN_LIBRARY: list(blueprint.library)} if blueprint.library else {}),
             **{binding.topic: asdict(binding.in_dds) for binding in blueprint.bindings if binding.in_dds != InDds()},
         },

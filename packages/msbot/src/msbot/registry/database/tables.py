@@ -39,6 +39,8 @@ ROBOT = ""
 """In `robots.in_dds`, in place of a topic's name: what holds for the robot itself."""
 STOP_GROUP = " stop_group"
 """Likewise: the robot's STOP group."""
+BRIDGES = " bridges"
+"""Likewise: its bridges."""
 WRITTEN_LIBRARY = " library"
 """Likewise, and no topic's name either, because of its blank: the folders that the blueprint names as its library."""
 

@@ -1,0 +1,119 @@
+"""The bridges of a blueprint (`[[bridge]]`), in the process of its master; their simulated devices in processes."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import sys
+from collections.abc import Callable, Coroutine, Sequence
+from typing import Final
+
+from msbot.config import BridgeTable
+from msbot.part import Part
+from msbot.part.join.part_keys import given_key
+from msbot.part.join.pnp_messages import Nature
+from msbot_agent.link import Link
+from msbot_bridges.bridge import Bridge, BridgeLink, World, WorldKind, worlds
+from msbot_xrce.errors import ConfigError, LinkDown
+
+AGAIN_S: Final = 5.0
+"""Time after which a network that has ended is tried again."""
+END_S: Final = 5.0
+_log = logging.getLogger("msbot.part")
+Work = Coroutine[object, object, None]
+
+
+class BlueprintBridges:
+    """See `msbot.cli.run.bridges_beside.BridgeRunner`."""
+
+    def check(self, bridges: Sequence[BridgeTable]) -> None:
+        """See `BridgeRunner`."""
+        for table in bridges:
+            kind = _kind(table)
+            kind.open(_link(table))
+            for device in table.simulate:
+                name, options = _device(kind, table, device)
+                kind.simulated[name](BridgeLink(table.link, options), options)
+
+    def coroutines(
+        self, bridges: Sequence[BridgeTable], connect: Callable[[Part], Link], say: Callable[[str], None]
+    ) -> list[Work]:
+        """See `BridgeRunner`."""
+        return [
+            *(_run_bridge(table, connect, say) for table in bridges),
+            *(_run_device(table, device) for table in bridges for device in table.simulate),
+        ]
+
+
+RUNNER = BlueprintBridges()
+
+
+def _kind(table: BridgeTable) -> WorldKind:
+    known = worlds()
+    kind = known.get(table.world)
+    if kind is None:
+        raise ConfigError(f'[[bridge]]: there is no bridge for "{table.world}"; there are {", ".join(sorted(known))}')
+    kind.check(table.world, _link(table))
+    return kind
+
+
+def _link(table: BridgeTable) -> BridgeLink:
+    return BridgeLink(table.link, table.options)
+
+
+def _device(kind: WorldKind, table: BridgeTable, device: str) -> tuple[str, dict[str, str]]:
+    """`drive node=7` as name and options."""
+    name, *pairs = device.split()
+    if name not in kind.simulated:
+        known = ", ".join(sorted(kind.simulated)) or "nothing"
+        raise ConfigError(f'[[bridge]]: of {table.world} "{name}" cannot be simulated; there can be: {known}')
+    options = dict[str, str]()
+    for pair in pairs:
+        option, sign, value = pair.partition("=")
+        if not sign:
+            raise ConfigError(f'[[bridge]]: simulate = ["{device}"]: behind the name write NAME=VALUE')
+        options[option] = value
+    return name, options
+
+
+async def _run_bridge(table: BridgeTable, connect: Callable[[Part], Link], say: Callable[[str], None]) -> None:
+    """One bridge; a robot does not end because a network of its devices has."""
+
+    def prepare(part: Part) -> None:
+        assert part.uid is not None
+        part.key = given_key(None, part.part_number, part.uid.hex())
+
+    nature = Nature.SIMULATED if table.simulate else Nature.REAL
+    while True:
+        world: World = _kind(table).open(_link(table))
+        bridge = Bridge(world, connect, prepare, nature)
+        try:
+            await bridge.run()
+        except LinkDown as error:
+            say(f"bridge for {table.world}: {error}; tried again in {AGAIN_S:g} s")
+        await asyncio.sleep(AGAIN_S)
+
+
+async def _run_device(table: BridgeTable, device: str) -> None:
+    """One simulated device in a process of its own; one that ends stays away, as if it was pulled out."""
+    name, options = _device(_kind(table), table, device)
+    words = [word for option, value in options.items() for word in ("--option", f"{option}={value}")]
+    arguments = ["bridge", table.world, "--simulate", name, "--link", table.link, "--quiet", *words]
+    process = await asyncio.create_subprocess_exec(
+        sys.executable, "-m", "msbot", *arguments, stdin=asyncio.subprocess.DEVNULL
+    )
+    _log.info("simulated %s of %s: process %d", device, table.world, process.pid)
+    try:
+        status = await process.wait()
+        _log.warning("simulated %s of %s has ended (status %d)", device, table.world, status)
+        await asyncio.Event().wait()
+    finally:
+        with contextlib.suppress(ProcessLookupError):
+            process.terminate()
+        try:
+            async with asyncio.timeout(END_S):
+                await process.wait()
+        except TimeoutError:
+            process.kill()
+            await process.wait()

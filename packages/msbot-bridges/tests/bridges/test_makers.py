@@ -1,0 +1,154 @@
+"""The sample robot of several makers: a drive is pulled, a servo of another world takes over; STOP is confirmed."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator, Callable
+from contextlib import AsyncExitStack, asynccontextmanager
+from dataclasses import replace
+from pathlib import Path
+from uuid import uuid4
+
+import pytest
+
+from msbot.config import Blueprint, BridgeTable, Library, load_library, open_blueprint, read_description
+from msbot.master import Master
+from msbot.operations.dispatch import InProcessOperations
+from msbot.part.description import describe
+from msbot.pnp import PartInfo, PartState
+from msbot.registry import open_registry
+from msbot_agent.link import InprocHub
+from msbot_bridges.bridge import BridgedPart, BridgeLink, worlds
+from msbot_bridges.cli.bridge_runner import RUNNER
+from msbot_bridges.makers import write_sample
+from msbot_xrce.errors import ConfigError
+from tests.bridges.hosts import in_thread, running
+
+pytest.importorskip("canopen")
+pytest.importorskip("dronecan")
+
+from msbot_bridges.canopen.drive_states import DriveState
+from msbot_bridges.canopen.simulated.drive import SimulatedDrive
+from msbot_bridges.canopen.simulated.io_module import SimulatedIo
+from msbot_bridges.dronecan.simulated_servo import SimulatedServo
+
+DRIVE, IO, SERVO = "vendor-0x4d53:SimDrive", "vendor-0x4d53:SimIO", "org.msbot:simservo"
+
+
+class Robot:
+    """The robot, its master and bridges in this process."""
+
+    def __init__(self, master: Master, operations: InProcessOperations, bus: str) -> None:
+        self.master, self.do, self.bus = master, operations.do, bus
+
+    def part(self, number: str) -> PartInfo | None:
+        now = asyncio.get_running_loop().time()
+        return next((one for one in self.master.inventory.view(now) if one.part_number == number), None)
+
+    def has(self, number: str, state: PartState, slot: str | None = None) -> bool:
+        found = self.part(number)
+        return found is not None and (found.state, found.slot) == (state, slot)
+
+    async def until(self, condition: Callable[[], object]) -> None:
+        while not condition():  # noqa: ASYNC110 - devices in threads change what is waited for, too
+            await asyncio.sleep(0.02)
+
+
+def opened(folder: Path) -> tuple[Blueprint, Library, str]:
+    write_sample(folder / "robot.toml")
+    blueprint, library = open_blueprint(folder / "robot.toml")
+    bus = f"msbot:{uuid4().hex[:12]}"
+    bridges = tuple(replace(one, link=bus, simulate=()) for one in blueprint.bridges)
+    return replace(blueprint, bridges=bridges), library, bus
+
+
+@asynccontextmanager
+async def makers(folder: Path) -> AsyncIterator[Robot]:
+    blueprint, library, bus = await asyncio.to_thread(opened, folder)
+    registry = await asyncio.to_thread(open_registry, folder / "robot.db")
+    with registry:
+        record = registry.robots.apply_blueprint(blueprint, library)
+        master = Master(blueprint, registry.runs.begin(record), library=library)
+        hub = InprocHub()
+        master.add_link(hub.server)
+        operations = InProcessOperations(master, registry, record, library=library)
+        work = [master.run(), *RUNNER.coroutines(blueprint.bridges, lambda _: hub.connect(), print)]
+        tasks = [asyncio.create_task(one) for one in work]
+        try:
+            async with asyncio.timeout(60):
+                yield Robot(master, operations, bus)
+        finally:
+            for task in tasks[1:]:
+                task.cancel()
+            await asyncio.wait(tasks[1:])
+            tasks[0].cancel()
+            await asyncio.wait(tasks[:1])
+
+
+async def test_a_servo_of_another_world_takes_the_slot_of_a_drive_that_is_pulled(tmp_path: Path) -> None:
+    async with makers(tmp_path) as robot, AsyncExitStack() as plugged:
+        drive, module, servo = SimulatedDrive(robot.bus), SimulatedIo(robot.bus), SimulatedServo(robot.bus)
+        pull = AsyncExitStack()
+        await pull.enter_async_context(in_thread(drive.run_in_thread, drive.end))
+        await plugged.enter_async_context(in_thread(module.run_in_thread, module.end))
+        await plugged.enter_async_context(in_thread(servo.run_in_thread, servo.end))
+        await robot.until(lambda: robot.has(DRIVE, PartState.ACTIVE, "joint"))
+        await robot.until(lambda: robot.has(IO, PartState.ACTIVE, "switches"))
+        await robot.until(lambda: robot.has(SERVO, PartState.STANDBY))
+
+        await robot.do("publish", who="ann", port="joint.angle", values=["36"], seconds=60.0)
+        await robot.until(lambda: abs(drive.turns - 0.1) < 0.01)
+
+        drive.is_stuck = True
+        drive.rpm = 50
+        await robot.do("stop", who="ann", reason="")
+        await robot.until(lambda: len(robot.master.stop.confirmed) == 1)
+        assert [one.part for one in robot.master.stop.confirmed] == [IO]
+        assert list(robot.master.stop.silent) == [DRIVE], "the drive has not reported that it stands"
+        drive.is_stuck = False
+        await robot.until(lambda: not robot.master.stop.silent)
+        assert (drive.state, drive.rpm) == (DriveState.SWITCH_ON_DISABLED, 0)
+        assert drive.node.nmt.state == "PRE-OPERATIONAL"
+        await robot.do("go", who="ann", stop=None)
+
+        await pull.aclose()
+        await robot.until(lambda: robot.has(SERVO, PartState.ACTIVE, "joint"))
+        await robot.until(lambda: servo.speed == 90)  # the slot's setting, by name
+        await robot.do("publish", who="ann", port="joint.angle", values=["20"], seconds=60.0)
+        await robot.until(lambda: abs(servo.position - 0.349) < 0.01)
+        await robot.do("stop", who="ann", reason="")
+        await robot.until(lambda: len(robot.master.stop.confirmed) == 2)
+        assert abs(servo.position) < 0.06
+        why = robot.master.why(DRIVE)
+        assert any("has sent no heartbeat" in line for line in why), why
+
+
+@pytest.mark.parametrize(("world", "device"), [("canopen", "drive"), ("canopen", "io"), ("dronecan", "servo")])
+async def test_the_library_of_the_sample_is_what_the_devices_say(world: str, device: str) -> None:
+    address = BridgeLink(f"msbot:{uuid4().hex[:12]}")
+    kind = worlds()[world]
+    async with running(kind.open(address)) as host:
+        simulating = asyncio.create_task(kind.simulated[device](address, {}).run())
+        found = BridgedPart(await host.devices.get())
+        text = describe(found.part.part_number, found.device.identity.description, found.part.program)
+        said = read_description(text, found.part.part_number, load_library()).part_type
+        kept = load_library(Path(__file__).parents[2] / "src/msbot_bridges/makers/adopted").require(said.number)
+        assert (said.ports, said.parameters, said.name) == (kept.ports, kept.parameters, kept.name)
+        simulating.cancel()
+        await asyncio.wait([simulating])
+
+
+@pytest.mark.parametrize(
+    ("table", "words"),
+    [
+        (BridgeTable("canbus", "msbot:x"), 'there is no bridge for "canbus"; there are canopen'),
+        (BridgeTable("canopen", "can0"), "write INTERFACE:CHANNEL"),
+        (BridgeTable("canopen", "msbot:x", {"esd": "x"}), "has no such option; it has eds"),
+        (BridgeTable("canopen", "msbot:x", simulate=("lamp",)), '"lamp" cannot be simulated; there can be: drive, io'),
+        (BridgeTable("canopen", "msbot:x", simulate=("drive 5",)), "behind the name write NAME=VALUE"),
+        (BridgeTable("canopen", "msbot:x", simulate=("drive node=0",)), "from 1 to 126"),
+    ],
+)
+def test_a_bad_bridge_of_a_blueprint_is_refused(table: BridgeTable, words: str) -> None:
+    with pytest.raises(ConfigError, match=words):
+        RUNNER.check([table])

@@ -1,0 +1,62 @@
+"""The bridges that a blueprint names, beside its master: started by whoever brings them, not known here."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Coroutine, Sequence
+from typing import Protocol, runtime_checkable
+
+from msbot.config import Blueprint, BridgeTable
+from msbot.master import Master
+from msbot.part import Part
+from msbot_agent.link import InprocHub, Link
+from msbot_agent.startup.extensions import extensions
+from msbot_agent.text.sentence import said
+from msbot_xrce.errors import ConfigError
+
+GROUP = "bridge_runners"
+
+
+@runtime_checkable
+class BridgeRunner(Protocol):
+    """Runs bridges; brought by the distribution that has them."""
+
+    def check(self, bridges: Sequence[BridgeTable]) -> None:
+        """Refuse what makes no sense.
+
+        Raises:
+            ConfigError: the text says what would be right.
+        """
+
+    def coroutines(
+        self, bridges: Sequence[BridgeTable], connect: Callable[[Part], Link], say: Callable[[str], None]
+    ) -> list[Coroutine[object, object, None]]:
+        """What runs beside the master, until cancelled; the parts reach it by the links that `connect` makes."""
+
+
+def check_bridges(blueprint: Blueprint) -> None:
+    """Refuse bridges that cannot run; called before anything is opened.
+
+    Raises:
+        ConfigError: the text says what would be right.
+    """
+    if blueprint.bridges:
+        _runner().check(blueprint.bridges)
+
+
+def bridges_beside(
+    blueprint: Blueprint, master: Master, say: Callable[[str], None]
+) -> list[Coroutine[object, object, None]]:
+    """What runs the bridges of a blueprint beside its master; nothing when it names none."""
+    if not blueprint.bridges:
+        return []
+    hub = InprocHub()
+    master.add_link(hub.server)
+    return _runner().coroutines(blueprint.bridges, lambda _: hub.connect(), say)
+
+
+def _runner() -> BridgeRunner:
+    found = extensions().all(GROUP, object).values()
+    for one in found:
+        if isinstance(one, BridgeRunner):
+            return one
+    raise ConfigError(said("the blueprint has [[bridge]], which takes msbot-bridges: pip install 'msbot[bridges]'"))
