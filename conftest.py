@@ -47,7 +47,12 @@ def pytest_configure(config: pytest.Config) -> None:
     config.pluginmanager.register(import_order)
     config.pluginmanager.register(time_of_a_test)
     config.pluginmanager.register(few_reports)
-    if hasattr(config, "workerinput"):
+    if (worker := getattr(config, "workerinput", None)) is not None:
+        # Robots find each other in this folder: those of one worker's tests are not in sight of another's.
+        own = Path(tempfile.gettempdir()) / worker["workerid"]
+        own.mkdir(exist_ok=True)
+        os.environ["TMPDIR"] = str(own)
+        tempfile.tempdir = None
         return
     if config.pluginmanager.hasplugin("xdist"):
         config.pluginmanager.register(taking_turns)
