@@ -25,7 +25,7 @@ HASHES ?= yes
 # The tests start hundreds of processes: where Python may not keep what it has compiled, each compiles all it imports.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test tests quick check format vm bench wheel docs release screenshots assets board requirements clean help
+.PHONY: demo test tests quick check format vm bench wheel docs release deb screenshots assets board requirements clean help
 
 help:
 	@echo 'make demo    set up and run a robot of ten parts, all simulated; ARGS="--robot thesis --link fd" passes options on'
@@ -39,6 +39,7 @@ help:
 	@echo 'make board   compile the package for boards with MicroPython into build/board'
 	@echo 'make assets  fetch the files of others that are carried along again (needs npm), and compare them'
 	@echo 'make wheel   make packages for other computers: dist/msbot*.whl'
+	@echo 'make deb     make a package for this release of Debian in build/debian'
 	@echo 'make requirements   write requirements/ anew; ARGS=--upgrade takes the newest versions'
 	@echo 'make docs    build the documentation site, with the API of the packages, into site/'
 	@echo 'make release make a release of what is committed into build/release, and try it; ARGS="--only 3.12"'
@@ -126,6 +127,9 @@ wheel: $(VENV)/.run
 docs: $(VENV)/.docs
 	PYTHONPATH=. $(BIN)/python tools/can_picture.py docs/explain/can_frame.svg
 	$(BIN)/python tools/docs_site.py site
+
+deb: $(VENV)/.dev
+	$(BIN)/python tools/debian_package.py build/debian $(ARGS)
 
 release: $(VENV)/.dev $(VENV)/.docs
 	$(BIN)/python -m tools.release build/release $(ARGS)

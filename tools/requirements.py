@@ -1,4 +1,4 @@
-"""Writes requirements/{run,dev,docs}.txt: what `make` installs, each with its version and the hashes of its files.
+"""Writes requirements/{run,computer,dev,docs}.txt: what is installed, with versions and hashes of files.
 
     python tools/requirements.py .venv/bin/uv [--upgrade]        (or: make requirements [ARGS=--upgrade])
 
@@ -16,7 +16,7 @@ import tempfile
 from pathlib import Path
 
 FOLDER = Path("requirements")
-FILES = {"run": ("demo", ""), "dev": ("all", "dev"), "docs": ("master", "docs")}
+FILES = {"run": ("demo", ""), "computer": ("computer", ""), "dev": ("all", "dev"), "docs": ("master", "docs")}
 """By file: the extra of the distributions, and the group of the workspace; empty: none."""
 BUILD = "hatchling\neditables\n"  # what builds MsBOT, and lets it be used where it lies
 HEAD = "# What `make` installs. Made by `make requirements` from packages/*/pyproject.toml; not to be edited.\n"
@@ -24,7 +24,7 @@ OPTIONS = ["--universal", "--python-version", "3.11", "--no-emit-index-url", "--
 
 
 def main(uv: str, *options: str) -> int:
-    """Write the three files."""
+    """Write the files."""
     with tempfile.TemporaryDirectory() as scratch:
         build = Path(scratch, "build.in")
         build.write_text(BUILD, encoding="utf-8")
@@ -40,7 +40,7 @@ def main(uv: str, *options: str) -> int:
 
 
 def versions_now() -> list[str]:
-    """What the three files name now, without hashes."""
+    """What the files name now, without hashes."""
     lines = {line for path in FOLDER.glob("*.txt") for line in path.read_text(encoding="utf-8").splitlines()}
     return sorted(line.removesuffix(" \\") for line in lines if line[:1].isalnum())
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import logging
 import sys
+from pathlib import Path
 from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
 
@@ -35,6 +36,13 @@ if TYPE_CHECKING:
 @space_option
 @click.option("--only", metavar="CHECK,...", help="Only these checks, for example can,robot.")
 @click.option("-v", "--verbose", is_flag=True, help="Say also what is in order.")
+@click.option(
+    "--report",
+    "file",
+    type=click.Path(path_type=Path, dir_okay=False),
+    metavar="FILE",
+    help="Write what was seen into FILE, without secrets, for people who help.",
+)
 @json_option
 def command(
     addresses: tuple[str, ...],
@@ -45,6 +53,7 @@ def command(
     *,
     verbose: bool,
     as_json: bool,
+    file: Path | None,
 ) -> None:
     """Find what keeps a robot from working: installation, buses, network, database, the robot itself.
 
@@ -60,13 +69,29 @@ def command(
     if db is not None and not is_there(db):  # one that is not named may be missing: the robot is new
         raise ConfigError(no_database(db))
     names = [name.strip() for name in only.split(",")] if only else []
-    found = examine(_patient(addresses, db, robot, space), names)
+    patient = _patient(addresses, db, robot, space)
+    found = examine(patient, names)
+    if file is not None:
+        _write_report(file, patient, found)
     if as_json:
         click.echo(json.dumps(found.as_json(), ensure_ascii=False))
     else:
         for line in lines(found, verbose=verbose):
             click.echo(line)
     sys.exit(ExitStatus.DONE if found.is_well else ExitStatus.NO)
+
+
+def _write_report(file: Path, patient: Examined, found: Examination) -> None:
+    from msbot.doctor.report import report
+
+    place = [
+        Path.cwd(),
+        *([Path(patient.database).parent] if patient.database and "://" not in patient.database else []),
+    ]
+    file.write_text(report(patient, found, place), "utf-8")
+    click.echo(
+        f"{file} is written, without secrets and names of people. Read it before you show it to others.", err=True
+    )
 
 
 def _patient(addresses: tuple[str, ...], db: str | None, robot: str | None, space: SpaceAddress) -> Examined:

@@ -1,0 +1,206 @@
+"""The Debian package: its units, and what it does in a clean system.
+
+The clean system is a root made by mmdebstrap, kept between runs; it takes root, mmdebstrap and a minute.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tools import debian_package
+from tools.debian_package import CONFIGURED, FILES, unit
+from tools.sources import ROOT
+
+UNITS = sorted(path.name for path in (*FILES.glob("*.service"), *FILES.glob("*.timer")))
+SUITE = "bookworm"
+INCLUDED = "python3,systemd,udev,iproute2"
+NEEDED = bool(os.environ.get("MSBOT_NEED_DEB"))
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """All unit files, as they are installed; programs are those of this computer."""
+    folder = tmp_path_factory.mktemp("units")
+    for name in UNITS:
+        text = unit(name).replace("/usr/lib/msbot/bin/msbot", sys.executable)
+        (folder / f"msbot-{name}").write_text(text, "utf-8")
+    return folder
+
+
+def test_no_unit_has_a_place_that_was_not_filled(folder: Path) -> None:
+    assert [path.name for path in folder.iterdir() if "@CONF" in path.read_text()] == []
+    assert {"master.service", "standby.service", "agent.service", "backup.service", "backup.timer"} <= set(UNITS)
+
+
+@pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="no systemd here: apt-get install systemd")
+@pytest.mark.parametrize("name", ["master", "standby", "agent", "backup"])
+@pytest.mark.promise("Services of the Debian package may do little: systemd-analyze security says less than 3")
+def test_a_service_may_do_little(name: str, folder: Path) -> None:
+    place = str(folder / f"msbot-{name}.service")
+    command = ["systemd-analyze", "security", "--offline=true", "--threshold=30", "--no-pager", place]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout
+    found = re.search(r"Overall exposure level for .*: ([\d.]+)", done.stdout)
+    assert found is not None
+    assert float(found[1]) < 3
+
+
+@pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="no systemd here: apt-get install systemd")
+def test_systemd_finds_no_mistake_in_the_units(folder: Path) -> None:
+    command = [
+        "systemd-analyze",
+        "verify",
+        "--man=no",
+        *(str(folder / f"msbot-{name}") for name in UNITS if "@" not in name),
+    ]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert [line for line in done.stderr.splitlines() if "msbot" in line] == []
+    assert done.returncode == 0
+
+
+def test_rules_for_adapters_are_whole() -> None:
+    """Each GOTO has its label, and no line has a comparison that is an assignment."""
+    lines = [line for line in (FILES / "60-msbot.rules").read_text().splitlines() if line and line[0] != "#"]
+    labels = {found[1] for line in lines if (found := re.match(r'LABEL="(\w+)"', line))}
+    assert {found for line in lines for found in re.findall(r'GOTO="(\w+)"', line)} == labels
+    keys = re.compile(
+        r'(?:ACTION|SUBSYSTEMS?|KERNEL|ATTRS?\{\w+\}|ENV\{DEVTYPE\})(?:==|!=)"[^"]+"|GOTO="\w+"|LABEL="\w+"'
+    )
+    rules = re.compile(r'(?:GROUP|MODE)="\w+"|TAG\+="\w+"|ENV\{\w+\}\+?="[^"]+"')
+    for line in lines:
+        for word in re.split(r",\s*", line):
+            assert keys.fullmatch(word) or rules.fullmatch(word), f"{word} of {line}"
+
+
+def test_what_a_person_may_change_is_kept_by_dpkg() -> None:
+    assert {path.name for path in FILES.glob("*.env")} == {name for name in CONFIGURED if name.endswith(".env")}
+    for name in CONFIGURED[1:]:
+        assert (FILES / name).read_text().startswith("# ")
+
+
+# What it does in a clean system.
+
+
+@pytest.fixture(scope="module")
+def root(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """A clean Debian."""
+    if os.geteuid() != 0 or not all(map(shutil.which, ("mmdebstrap", "dpkg-deb", "chroot"))):
+        if NEEDED:
+            pytest.fail("MSBOT_NEED_DEB is set, and there is no mmdebstrap, dpkg-deb or chroot, or this is not root")
+        pytest.skip("a clean Debian takes root and mmdebstrap: apt-get install mmdebstrap")
+    if debian_package.release() != SUITE:
+        pytest.skip(f"the package is for the Debian that it is built on, and this is not {SUITE}")
+    kept = ROOT / "build" / f"{SUITE}.tar"
+    if not kept.exists():
+        kept.parent.mkdir(exist_ok=True)
+        command = ["mmdebstrap", "--quiet", "--variant=minbase", f"--include={INCLUDED}", SUITE, str(kept)]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        if done.returncode:
+            kept.unlink(missing_ok=True)
+            pytest.skip(f"mmdebstrap made no {SUITE}: {done.stderr.strip().splitlines()[-1]}")
+    folder = tmp_path_factory.mktemp("root")
+    subprocess.run(["tar", "--extract", "--file", str(kept), "--directory", str(folder)], check=True)
+    yield folder
+    shutil.rmtree(folder)
+
+
+@pytest.fixture(scope="module")
+def packages(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    """The package, and the same as a later version."""
+    first = debian_package.build(tmp_path_factory.mktemp("made"), "0.0.1")
+    folder = tmp_path_factory.mktemp("later")
+    subprocess.run(["dpkg-deb", "--raw-extract", str(first), str(folder / "tree")], check=True)
+    control = folder / "tree/DEBIAN/control"
+    control.write_text(control.read_text().replace("Version: 0.0.1\n", "Version: 0.0.2\n"))
+    master = folder / "tree/etc/msbot/agent.env"
+    master.write_text(master.read_text() + "# a later version\n")
+    later = folder / "later.deb"
+    command = ["dpkg-deb", "--root-owner-group", "-Znone", "--build", str(folder / "tree"), str(later)]
+    subprocess.run(command, check=True, capture_output=True)
+    return [first, later]
+
+
+def inside(root: Path, *command: str, user: str = "") -> str:
+    """Run something in the clean system; returns what it says."""
+    words = [
+        "chroot",
+        *([f"--userspec={user}"] if user else []),
+        str(root),
+        "env",
+        "-i",
+        "PATH=/usr/sbin:/usr/bin:/sbin:/bin",
+    ]
+    words += ["HOME=/var/lib/msbot", "LC_ALL=C.UTF-8", "DEBIAN_FRONTEND=noninteractive", *command]
+    done = subprocess.run(words, capture_output=True, text=True, check=False, stdin=subprocess.DEVNULL)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+def files(root: Path) -> set[str]:
+    """What is there, besides what dpkg and the linker note down."""
+    skipped = ("var/lib/dpkg", "var/log", "var/cache", "etc/ld.so.cache", "proc", "sys", "dev", "tmp", "run")
+    found = {str(path.relative_to(root)) for path in root.rglob("*")}
+    return {path for path in found if not path.startswith(skipped)}
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1800)
+@pytest.mark.promise(
+    "The Debian package is installed, upgraded, removed and purged without a trace that it does not name"
+)
+def test_install_upgrade_remove_purge(root: Path, packages: list[Path]) -> None:
+    before = files(root)
+    for number, package in enumerate(packages):
+        shutil.copy(package, root / f"{number}.deb")
+
+    inside(root, "dpkg", "--install", "/0.deb")
+    assert inside(root, "msbot", "--version").startswith("msbot ")
+    assert inside(root, "id", "-un", "msbot") == "msbot\n"
+    assert "dialout" in inside(root, "id", "-Gn", "msbot")
+    assert "msbot" in inside(
+        root, "bash", "-c", "source /usr/share/bash-completion/completions/msbot; complete -p msbot"
+    )
+
+    # A robot works as that user, with the unit's options, and stores what it knows.
+    inside(root, "install", "-d", "-o", "msbot", "-g", "msbot", "-m", "0700", "/var/lib/msbot")
+    (root / "etc/msbot/master.env").write_text("# mine\nMSBOT_MASTER=\n")
+    robot = "/usr/lib/msbot/bin/msbot master /etc/msbot/robot.toml --db /var/lib/msbot/robot.db"
+    robot += " --port 0 --link udp:127.0.0.1:0"
+    script = (
+        f"cd /var/lib/msbot; PYTHONUNBUFFERED=1 MSBOT_STOP_GROUP=deb {robot} >/tmp/log 2>&1 & id=$!;"
+        "for i in $(seq 600); do grep -q http:// /tmp/log && break; sleep 0.2; done;"
+        "port=$(grep -o 'http://127.0.0.1:[0-9]*' /tmp/log | head -1);"
+        "/usr/bin/python3 -c 'import sys, urllib.request; print(urllib.request.urlopen(sys.argv[1]).read().decode())'"
+        " $port/api/health; kill $id; wait $id; cat /tmp/log"
+    )
+    said = inside(root, "bash", "-c", script, user="msbot:msbot")
+    assert '{"status":"ok"}' in said, said
+    database = root / "var/lib/msbot/robot.db"
+    assert database.stat().st_uid == int(inside(root, "id", "-u", "msbot"))
+
+    # Whoever changed a file keeps it; what nobody changed is the new one's.
+    inside(root, "dpkg", "--force-confold", "--install", "/1.deb")
+    assert (root / "etc/msbot/master.env").read_text() == "# mine\nMSBOT_MASTER=\n"
+    assert (root / "etc/msbot/agent.env").read_text().endswith("# a later version\n")
+    assert database.exists()
+    inside(root, "/usr/lib/msbot/bin/msbot", "db", "check", "--db", "/var/lib/msbot/robot.db", user="msbot:msbot")
+
+    inside(root, "dpkg", "--remove", "msbot")
+    assert not (root / "usr/lib/msbot").exists()
+    assert not (root / "usr/bin/msbot").is_symlink()
+    assert database.exists()
+    assert (root / "etc/msbot/master.env").exists()
+
+    inside(root, "dpkg", "--purge", "msbot")
+    for number, _ in enumerate(packages):
+        (root / f"{number}.deb").unlink()
+    assert {path for path in files(root) - before if not path.startswith("etc/")} == set()
+    assert {path for path in files(root) - before if path.startswith("etc/msbot")} == set()
