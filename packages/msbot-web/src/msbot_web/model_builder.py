@@ -128,6 +128,8 @@ class ModelBuilder:
             clock=clock,
         )
         self._rate: tuple[float, int, float] = (clock(), 0, 0.0)
+        self._watched: Blueprint | None = None
+        """Whose topics are listened to."""
 
     def use_library(self, library: Library) -> None:
         """From now on these part types hold."""
@@ -135,9 +137,13 @@ class ModelBuilder:
 
     def poll(self) -> None:
         """Observe what only polling shows (beat intervals, bound topics); call it a few times a second."""
-        self._timeline.poll(self._master.inventory.view(self._clock()), self._clock())
-        self.live.watch(self._blueprint().topics())
-        self.curves.sample()
+        now, blueprint = self._clock(), self._blueprint()
+        infos = self._master.inventory.view(now)
+        self._timeline.poll(infos, now)
+        if blueprint is not self._watched:
+            self._watched = blueprint
+            self.live.watch(blueprint.topics())
+        self.curves.sample(infos)
 
     # Slots and parts
 

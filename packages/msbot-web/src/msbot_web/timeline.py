@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
 from msbot.config import Blueprint, Library
 from msbot.master import Master
@@ -165,10 +165,10 @@ class LiveCurves:
         """Measure how late the event loop is, until cancelled."""
         await self._lateness.run()
 
-    def sample(self) -> None:
-        """Note what is so now; to be called a few times a second."""
+    def sample(self, infos: Sequence[PartInfo]) -> None:
+        """Note what is so now; to be called a few times a second with all parts."""
         now = self._clock()
-        self._look_at_settings(now)
+        self._look_at_settings(infos, now)
         at, count = self._counted
         if now - at >= MEASURE_S:
             self._counted = (now, self._frames())
@@ -176,7 +176,7 @@ class LiveCurves:
             latency_ms = self._latency.take_ms()
             if latency_ms is not None:
                 self._note(LATENCY, now, latency_ms)
-            for slot, ms in self._acks.sample(self._master.inventory.view(now)):
+            for slot, ms in self._acks.sample(infos):
                 self._note(ack_curve(slot), now, ms)
             for name in [name for name, points in self._measured.items() if now - points[-1][0] > HISTORY_S]:
                 del self._measured[name]  # of a slot that is empty or gone
@@ -228,10 +228,10 @@ class LiveCurves:
             if name.startswith(ACK):
                 yield name, CurveFacts(measured_unit(name))
 
-    def _look_at_settings(self, now: float) -> None:
+    def _look_at_settings(self, infos: Sequence[PartInfo], now: float) -> None:
         inventory = self._master.inventory
         here = set()
-        for info in inventory.view(now):
+        for info in infos:
             held = inventory.configuration_of(info.client_key) if info.slot and info.state.is_registered else None
             if held is None:
                 continue

@@ -24,6 +24,9 @@ from msbot_web.svg.drawings import (
     state_chip,
 )
 
+RING = "ring:"
+"""Before the name of a slot: only the ring of its card. Names of slots have no colon."""
+
 
 class CardReader(Protocol):
     """Who reads cards."""
@@ -71,18 +74,27 @@ def live_cards(page: _LivePageReader) -> tuple[Hashable, Callable[[], LiveView]]
             cards.update({card.name: card for card in robot.slots})
             return looks_of(robot)
 
-        return LiveView("cards", marks, lambda name: card_piece(readers, cards[name], service.robot()))
+        def piece(name: str) -> object:
+            return card_piece(readers, name, cards[name.removeprefix(RING)], service.robot())
+
+        return LiveView("cards", marks, piece)
 
     return ("cards", language.code, sees_all), make
 
 
 def looks_of(robot: Robot) -> dict[str, Hashable]:
-    """What the pictures of all cards depend on, by the name of the slot."""
-    return {card.name: look_of(card, robot.beat_s) for card in robot.slots}
+    """What the pictures of all cards depend on, by the name of the slot; and their rings, which change more often."""
+    looks: dict[str, Hashable] = {card.name: look_of(card, robot.beat_s) for card in robot.slots}
+    for card in robot.slots:
+        if card.part is not None:
+            looks[RING + card.name] = (card.part.part, card.part.life, card.part.beats)
+    return looks
 
 
-def card_piece(reader: CardReader, card: SlotCard, robot: Robot) -> list[object]:
-    """A card as `msbotCards` of `page.js` takes it."""
+def card_piece(reader: CardReader, name: str, card: SlotCard, robot: Robot) -> object:
+    """A card, or only its ring, as `msbotCards` of `page.js` takes it."""
+    if name.startswith(RING):
+        return ring_html(reader, card, robot)
     return [
         card_html(reader, card, robot),
         open_words(reader, card),
@@ -90,6 +102,11 @@ def card_piece(reader: CardReader, card: SlotCard, robot: Robot) -> list[object]
         plug_words(reader, card),
         plug_short(reader, card),
     ]
+
+
+def ring_html(reader: CardReader, card: SlotCard, robot: Robot) -> Markup:
+    """The ring around a slot's life status."""
+    return beat_ring(card, robot.beat_s, 0 if card.part is None else card.part.life, reader.language)
 
 
 def open_words(reader: CardReader, card: SlotCard) -> str:
@@ -114,7 +131,7 @@ def plug_short(reader: CardReader, card: SlotCard) -> str:
 
 
 def look_of(card: SlotCard, beat_s: float) -> Hashable:
-    """What a card's picture depends on; between two beats the browser turns the ring by itself."""
+    """What a card's picture depends on, without its ring; between two beats the browser turns that by itself."""
     part, port = card.part, main_port(card)
     return (
         card.state,
@@ -126,7 +143,7 @@ def look_of(card: SlotCard, beat_s: float) -> Hashable:
         tuple(card.faults),
         tuple(card.spares),
         tuple(card.type_differences),
-        None if part is None else (part.part, part.nature, part.life, part.beats, _age(part, beat_s)),
+        None if part is None else (part.part, part.nature, _age(part, beat_s)),
         None
         if port is None
         else (port.topic, port.port, port.publishes, port.held, _stale_age(port), tuple(port.fields.items())),
@@ -159,7 +176,7 @@ def card_html(reader: CardReader, card: SlotCard, robot: Robot) -> Markup:
         card=card,
         look=card.state,
         port=port,
-        ring=beat_ring(card, robot.beat_s, 0 if part is None else part.life, reader.language),
+        ring=ring_html(reader, card, robot),
         chip=state_chip(card.state, reader.translate(card.state)),
         drawing="" if port is None else draw(port.type_name, fields, reader.language),
         values=fields_html(fields, reader.language),

@@ -19,7 +19,16 @@ from msbot_web.html import Markup, render
 from msbot_web.models.robot_models import Robot
 from msbot_web.pages.gallery import back_to_rover
 from msbot_web.pages.layout import page_frame
-from msbot_web.pages.live_cards import card_html, card_piece, live_cards, looks_of, open_words, plug_short, plug_words
+from msbot_web.pages.live_cards import (
+    RING,
+    card_html,
+    card_piece,
+    live_cards,
+    looks_of,
+    open_words,
+    plug_short,
+    plug_words,
+)
 from msbot_web.pages.menu import is_pupil
 from msbot_web.pages.page import Page
 from msbot_web.pages.page_elements import set_html
@@ -101,10 +110,11 @@ class _Grid:
             self._shown = {}  # should that end, all are drawn once more
             return
         looks = looks_of(robot)
+        cards = {card.name: card for card in robot.slots}
         changed = {
-            card.name: card_piece(page, card, robot)
-            for card in robot.slots
-            if self._shown.get(card.name) != looks[card.name]
+            name: card_piece(page, name, cards[name.removeprefix(RING)], robot)
+            for name, look in looks.items()
+            if self._shown.get(name) != look
         }
         if changed:
             self._shown.update({name: looks[name] for name in changed})

@@ -271,12 +271,14 @@ function msbotLiveCards(grid) {
 }
 
 // Cards of slots that look otherwise now, by the name of the slot: [HTML, name, is it plugged in, what the plug's button
-// does, the word on it].
+// does, the word on it]; by `ring:` and that name only the ring of a card.
 function msbotCards(grid, cards) {
   const root = document.getElementById(grid);
   if (!root) return;
   for (const place of root.querySelectorAll("[data-slot]")) {
-    const found = cards[place.dataset.slot];
+    const found = cards[place.dataset.slot], ring = cards[`ring:${place.dataset.slot}`];
+    const drawn = ring && !found && place.querySelector(".head > svg");
+    if (drawn) drawn.outerHTML = ring;
     if (!found) continue;
     place.innerHTML = found[0];
     if (place.getAttribute("aria-label") !== found[1]) place.setAttribute("aria-label", found[1]);
