@@ -103,6 +103,8 @@ class LessonView:
             with ui.element("div").classes("row spread"):
                 heading(lesson.title)
                 with ui.element("div").classes("row"):
+                    beside = partial(ui.navigate.to, "/arena" if lesson.world else "/")
+                    self._button("robot", say("To the robot"), "smart_toy", beside)
                     self._button("join", say("Take part"), "how_to_reg", partial(page.act, "join_lesson"))
                     self._button("hand", say("Ask for help"), "pan_tool", partial(page.act, "hand"))
                     self._button("down", say("No help needed"), "do_not_touch", partial(page.act, "hand", down=True))
@@ -201,6 +203,7 @@ class LessonView:
                 self._hints[name].set_text(f"{seen}{self._looks[name]}")
             self._hints[name].set_visibility(is_told and bool(self._looks[name] or is_stuck or name in others))
         for button, is_shown in (
+            ("robot", mine is not None),
             ("join", mine is None),
             ("hand", me not in hands),
             ("down", me in hands),

@@ -19,14 +19,18 @@ def lost_slots(robot: Robot) -> list[str]:
 
 
 def notify_lost(page: Page) -> None:
-    """Say it on every page when a part is lost while the page is open."""
+    """Say it on every page when a part is lost while the page is open, and no longer than it is."""
     known: set[str] | None = None
+    told = dict[str, ui.notification]()
 
     def look() -> None:
         nonlocal known
         lost = set(lost_slots(page.service.robot()))
         for name in sorted(lost - known) if known is not None else ():
-            ui.notify(page.translate("The part in slot {name} is lost.", name=name), type="negative", timeout=8000)
+            words = page.translate("The part in slot {name} is lost.", name=name)
+            told[name] = ui.notification(words, type="negative", timeout=8)
+        for name in sorted(set(told) - lost):
+            told.pop(name).dismiss()
         known = lost
 
     page.every_look(look)

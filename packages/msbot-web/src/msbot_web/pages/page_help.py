@@ -192,6 +192,9 @@ def offer_tour(page: Page, request: Request) -> None:
         ui.label(page.translate("Your first visit? A tour shows you round in one minute."))
         with ui.element("div").classes("row"):
             ui.button(page.translate("Take the tour"), on_click=take).props("dense")
+            if page.service.gallery.may_change(page.session):  # at a demo nobody else begins a lesson
+                lessons = ui.button(page.translate("To the first lesson"), on_click=lambda: ui.navigate.to("/learn"))
+                lessons.props("dense outline")
             ui.button(page.translate("Not now"), on_click=decline).props("flat dense")
 
 
