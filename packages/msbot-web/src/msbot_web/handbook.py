@@ -58,9 +58,19 @@ def chapters() -> tuple[Chapter, ...]:
     return tuple(found)
 
 
+def handbook_names(*folders: str) -> list[str]:
+    """The names of the pages of these chapters."""
+    return [name for name in _titles() if name.partition("/")[0] in folders]
+
+
 def title_of(name: str) -> str | None:
     """The title of a page of the handbook; None when there is none of that name."""
-    return dict(page for chapter in chapters() for page in chapter.pages).get(name)
+    return _titles().get(name)
+
+
+@cache
+def _titles() -> dict[str, str]:
+    return dict(page for chapter in chapters() for page in chapter.pages)
 
 
 def page_html(name: str) -> str | None:
@@ -89,8 +99,8 @@ def picture(name: str) -> tuple[bytes, str] | None:
 
 
 def _title(page: Path) -> str:
-    first = page.read_text("utf-8").partition("\n")[0]
-    return first.removeprefix("# ").replace("`", "")
+    with page.open(encoding="utf-8") as lines:
+        return lines.readline().rstrip("\n").removeprefix("# ").replace("`", "")
 
 
 def _led(name: str, root: str, found: re.Match[str]) -> str:

@@ -11,6 +11,7 @@ from nicegui import ui
 
 from msbot.operations.rights import Right
 from msbot_agent.text.sentence import said
+from msbot_web.handbook import FOR_PUPILS, handbook_names, title_of
 from msbot_web.html import render
 from msbot_web.pages.easy_reading import ENTRIES
 from msbot_web.pages.extension_page import brought_pages
@@ -110,7 +111,19 @@ def search_button(page: Page) -> None:
         names = {name: group.name for group in groups for name in group.pupils}
         names |= {name: names.get(name, "") for name in page.service.pupils.pupils()}
         more += [[name, names[name], f"/pupil?name={quote(name)}"] for name in sorted(names, key=str.casefold)]
+    more += _behind_pages(page)
     ui.add_body_html(str(render("find", say=page.translate, more=json.dumps(more))))
+
+
+def _behind_pages(page: Page) -> list[list[str]]:
+    """What the menu does not have: pages behind pages, and those of the handbook that are for the person."""
+    say = page.translate
+    book = say("Handbook")
+    found = [[say("Quiz"), say("Learn"), "/learn/quiz"], [book, say("Help"), "/handbook"], ["API", "", "/api-docs"]]
+    if page.may(Right.ARRANGE):
+        found.append([say("Our class"), say("Pupils"), "/projector"])
+    names = FOR_PUPILS if is_pupil(page) else handbook_names("tutorial", "howto", "explain")
+    return found + [[title_of(name) or name, book, f"/handbook/{name}"] for name in names]
 
 
 def _groups(page: Page, path: str, ways: Sequence[MenuEntry]) -> None:

@@ -93,6 +93,13 @@ def test_everything_is_found_by_typing(site: Site, teacher: Page) -> None:
     field.press("Enter")
     teacher.wait_for_url("**/pupil?name=Ada")
     teacher.get_by_role("button", name="Find (Ctrl-K)").click()
+    for words, found in (
+        ("quiz", "Quiz · Learn"),
+        ("our class", "Our class · Pupils"),
+        ("program blocks", "Write a program with blocks · Handbook"),
+    ):
+        field.fill(words)
+        expect(teacher.get_by_role("option").filter(has_text=found)).to_be_visible()
     field.fill("dioct")
     expect(teacher.get_by_text("Nothing fits.")).to_be_visible()
     field.press("Escape")
