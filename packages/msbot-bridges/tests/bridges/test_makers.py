@@ -152,3 +152,10 @@ async def test_the_library_of_the_sample_is_what_the_devices_say(world: str, dev
 def test_a_bad_bridge_of_a_blueprint_is_refused(table: BridgeTable, words: str) -> None:
     with pytest.raises(ConfigError, match=words):
         RUNNER.check([table])
+
+
+def test_two_bridges_of_one_world_on_one_bus_are_refused() -> None:
+    table = BridgeTable("canopen", "msbot:x")
+    RUNNER.check([table, BridgeTable("dronecan", "msbot:x")])
+    with pytest.raises(ConfigError, match="msbot:x has two bridges for canopen"):
+        RUNNER.check([table, table])

@@ -12,6 +12,7 @@ from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
 from io import StringIO
 from itertools import islice
 
+from msbot.cli.bus.foreign_frames import foreign_words
 from msbot.part import Message
 from msbot.pnp import KNOWN_TYPES, FrameListener, KnownObject, SessionListener
 from msbot_agent.link.can.protocol import CanIds, Frame, LogLine, format_frame, format_log_line, node_of, show_frame
@@ -59,7 +60,8 @@ class FrameRing:
         self._ring: deque[tuple[float, str, Frame]] = deque(maxlen=KEPT)
         self._rows: deque[FrameRow] = deque(maxlen=KEPT)
         self._decoded = 0
-        self._listener = FrameListener(ids=self._ids)
+        self._foreign = foreign_words()
+        self._listener = FrameListener(ids=self._ids, foreign=self._foreign)
 
     def learn(
         self,
@@ -78,7 +80,7 @@ class FrameRing:
             units: units of the fields of a message type.
         """
         overhearer = SessionListener((*KNOWN_TYPES, *types), know=objects, units=units)
-        self._listener = FrameListener(overhearer, ids=self._ids)
+        self._listener = FrameListener(overhearer, ids=self._ids, foreign=self._foreign)
 
     def tap(self, at: float, sender: str, frame: Frame) -> None:
         """Take a frame; what a bus calls."""

@@ -31,7 +31,7 @@ GROUPS = (
     "missions", "worlds", "faults", "checks", "bridges",
 )  # fmt: skip
 """What an extension can bring; `PREFIX` before it is the group of its entry points."""
-OWN_GROUPS = ("loaders", "mission_pages", "bridge_runners", "samples")
+OWN_GROUPS = ("loaders", "mission_pages", "bridge_runners", "samples", "frame_words")
 """What one distribution of MsBOT brings to a lower one. Not for others: it may change with any version."""
 OWN_PACKAGES = tuple(name.replace("_", "-") for name in PACKAGES)
 """The distributions of MsBOT: what they bring is a part of it, not an extension."""

@@ -29,7 +29,11 @@ class BlueprintBridges:
 
     def check(self, bridges: Sequence[BridgeTable]) -> None:
         """See `BridgeRunner`."""
+        seen = set[tuple[str, str]]()
         for table in bridges:
+            if (table.world, table.link) in seen:
+                raise ConfigError(f"[[bridge]]: {table.link} has two bridges for {table.world}; one finds all devices")
+            seen.add((table.world, table.link))
             kind = _kind(table)
             kind.open(_link(table))
             for device in table.simulate:

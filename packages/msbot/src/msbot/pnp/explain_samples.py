@@ -22,7 +22,17 @@ from msbot.pnp.packet_words import inventory_sentence, piece_sentence, submessag
 from msbot.pnp.session_seals import ObservedSeals, Read
 from msbot.pnp.thesis_claims import decode_thesis_claim
 from msbot.service_types import service_type
-from msbot_agent.link.can.protocol import DOWN, UP, CanDecoder, CanIds, Frame, LegacyDecoder, frame_sentence, node_of
+from msbot_agent.link.can.protocol import (
+    DOWN,
+    FOREIGN,
+    UP,
+    CanDecoder,
+    CanIds,
+    Frame,
+    LegacyDecoder,
+    frame_sentence,
+    node_of,
+)
 from msbot_agent.text.sentence import Sentence, said
 from msbot_xrce import decompress, explain, is_whole
 from msbot_xrce.errors import CallError, RemoteProtocolError
@@ -401,11 +411,20 @@ class FrameWords:
 _NOTHING = PacketWords((), (), ())
 
 
+def _no_words(_: Frame) -> str:
+    return ""
+
+
 class FrameListener:
     """Understands the frames of one bus, one after the other."""
 
     def __init__(
-        self, overhearer: SessionListener | None = None, *, ids: CanIds | None = None, legacy: bool = False
+        self,
+        overhearer: SessionListener | None = None,
+        *,
+        ids: CanIds | None = None,
+        legacy: bool = False,
+        foreign: Callable[[Frame], str] = _no_words,
     ) -> None:
         """Begin to listen.
 
@@ -413,7 +432,9 @@ class FrameListener:
             overhearer: what is known of the robot; None: nothing but what every robot says.
             ids: identifier bases, when the bus is shared with other equipment.
             legacy: the bus is one of the thesis' firmware.
+            foreign: says what a frame of other equipment means; empty: it does not know.
         """
+        self._foreign = foreign
         self._overhearer = overhearer or SessionListener()
         self._ids, self._is_legacy = ids or CanIds(), legacy
         self._heard = _NOTHING
@@ -432,6 +453,8 @@ class FrameListener:
         """What the next frame of the bus says; `at` is its time in seconds."""
         self._heard = _NOTHING
         protocol = tuple(self._decoder.decode(frame, at))
+        if protocol == (FOREIGN,) and (words := self._foreign(frame)):
+            return FrameWords((), (words,), (words,))
         heard = self._heard
         return FrameWords(heard.plain, heard.about or (() if heard.plain else (self._about(frame),)), protocol)
 

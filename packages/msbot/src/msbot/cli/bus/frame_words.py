@@ -8,6 +8,7 @@ from enum import Enum, auto
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from msbot.cli.bus.foreign_frames import foreign_words
 from msbot.cli.database_place import DEFAULT_BLUEPRINT
 from msbot.pnp import KNOWN_TYPES, FrameListener, FrameWords, SessionListener
 from msbot_agent.link.can.protocol import LogLine, format_frame, show_frame
@@ -85,7 +86,7 @@ def listener_for(library: Library | None, *, legacy: bool, robot: RobotOnBus | N
         robot: what a running master knows of the bus; its types are those in force.
     """
     if library is None and robot is None:
-        return FrameListener(legacy=legacy)
+        return FrameListener(legacy=legacy, foreign=foreign_words())
     from msbot.sim import message_class
 
     types = {**({} if library is None else library.messages), **({} if robot is None else robot.types)}
@@ -95,7 +96,9 @@ def listener_for(library: Library | None, *, legacy: bool, robot: RobotOnBus | N
 
     classes = map(message_class, types.values())
     know = None if robot is None else robot.learn_object
-    return FrameListener(SessionListener((*KNOWN_TYPES, *classes), know=know, units=units), legacy=legacy)
+    return FrameListener(
+        SessionListener((*KNOWN_TYPES, *classes), know=know, units=units), legacy=legacy, foreign=foreign_words()
+    )
 
 
 def told_lines(line: LogLine, words: FrameWords, manner: WordsFormat) -> list[str]:

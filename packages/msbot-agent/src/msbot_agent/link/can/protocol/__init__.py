@@ -9,7 +9,7 @@ from msbot_xrce.lazy import lazy_face
 if TYPE_CHECKING:
     from msbot_agent.link.can.protocol.bits import FrameBits, WireBit, busy_seconds, frame_bits, phase_bits, wire_bits
     from msbot_agent.link.can.protocol.cost import BEACONS_HZ, Cost, Framing, beacon_cost, message_cost
-    from msbot_agent.link.can.protocol.decoder import CanDecoder, LegacyDecoder
+    from msbot_agent.link.can.protocol.decoder import FOREIGN, CanDecoder, LegacyDecoder
     from msbot_agent.link.can.protocol.frames import Frame, check_frame
     from msbot_agent.link.can.protocol.ids import NODES, CanIds, MemoryNodeIds, NodeIds, is_joining
     from msbot_agent.link.can.protocol.legacy_frames import DOWN, UP
@@ -41,7 +41,9 @@ _NAMES = {
         "message_cost",
     ),
     "msbot_agent.link.can.protocol.decoder": (
+        "FOREIGN",
         "CanDecoder",
+        "FOREIGN",
         "LegacyDecoder",
     ),
     "msbot_agent.link.can.protocol.frames": (
@@ -76,6 +78,7 @@ __getattr__ = lazy_face(__name__, _NAMES)
 __all__ = [
     "BEACONS_HZ",
     "DOWN",
+    "FOREIGN",
     "NODES",
     "UP",
     "CanDecoder",

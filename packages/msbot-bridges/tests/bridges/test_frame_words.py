@@ -1,0 +1,50 @@
+"""Frames of other worlds, as `msbot bus dump` and the page Bus say them."""
+
+from __future__ import annotations
+
+import pytest
+
+from msbot.cli.bus.frame_words import listener_for
+from msbot_agent.link.can.protocol import Frame
+
+
+@pytest.mark.parametrize(
+    ("can_id", "data", "words"),
+    [
+        (0x000, "0105", "CANopen NMT: start, node 5"),
+        (0x000, "8000", "CANopen NMT: enter PRE-OPERATIONAL, all nodes"),
+        (0x080, "", "CANopen SYNC"),
+        (0x085, "1032050000000000", "CANopen node 5: emergency 0x3210: over-voltage of the DC link (error register: "),
+        (0x085, "0000000000000000", "CANopen node 5: error reset"),
+        (0x285, "00", "CANopen TPDO 2 of node 5"),
+        (0x605, "4018100100000000", "CANopen SDO request to node 5: reads 0x1018:01"),
+        (0x585, "4318100177000000", "CANopen SDO answer of node 5: has read 0x1018:01"),
+        (0x585, "8000200000000206", "CANopen SDO answer of node 5: abort 0x2000:00 (0x06020000)"),
+        (0x705, "7F", "CANopen heartbeat of node 5: PRE-OPERATIONAL"),
+        (0x7E5, "0400000000000000", "foreign"),
+    ],
+)
+def test_frames_of_canopen(can_id: int, data: str, words: str) -> None:
+    told = listener_for(None, legacy=False).explain_frame(Frame(can_id, bytes.fromhex(data)), 0.0)
+    assert told.protocol[0].startswith(words)
+
+
+@pytest.mark.parametrize(
+    ("can_id", "data", "words"),
+    [
+        (0x1001552A, "00000000000000C0", "DroneCAN node 42: NodeStatus"),
+        (0x0803F22A, "0102030405060780", "DroneCAN node 42: actuator.ArrayCommand, begins"),
+        (0x1E01AAFE, "C0", "DroneCAN node 126 to node 42: request GetNodeInfo"),
+        (0x1E017EAA, "0102030405060720", "DroneCAN node 42 to node 126: answer GetNodeInfo, goes on"),
+        (0x1E017EAA, "", "foreign"),
+    ],
+)
+def test_frames_of_dronecan(can_id: int, data: str, words: str) -> None:
+    frame = Frame(can_id, bytes.fromhex(data), extended=True)
+    told = listener_for(None, legacy=False).explain_frame(frame, 0.0)
+    assert told.protocol == (words,)
+
+
+def test_mistakes_on_the_bus_are_no_frames_of_another_world() -> None:
+    told = listener_for(None, legacy=False).explain_frame(Frame(0x008, b""), 0.0)
+    assert "STOP" in told.protocol[0]
