@@ -1,6 +1,6 @@
 """Fetches the files of others that the project carries unmodified, from npm: MicroPython's VM for the browser, uPlot,
-which draws curves, Blockly, whose blocks become programs, and axe-core, which looks in tests whether everybody can use
-the pages.
+which draws curves, Blockly, whose blocks become programs, jacdac-ts, which speaks with Jacdac modules by USB, and
+axe-core, which looks in tests whether everybody can use the pages.
 
     python tools/assets.py                      the versions of the manifests; says so when a file is another one
     python tools/assets.py micropython 1.28.0   another version, with a new manifest
@@ -23,6 +23,7 @@ FOLDERS = {
     "micropython": ROOT / "packages/msbot-web/src/msbot_web/static/micropython",
     "uplot": ROOT / "packages/msbot-web/src/msbot_web/static/uplot",
     "blockly": ROOT / "packages/msbot-web/src/msbot_web/static/blockly",
+    "jacdac": ROOT / "packages/msbot-bridges/src/msbot_bridges/jacdac/static",
     "axe-core": ROOT / "packages/msbot-web/tests/web/browser/axe-core",
 }
 """Each with a manifest: package, version, and the SHA-256 of every file by its path in the package."""

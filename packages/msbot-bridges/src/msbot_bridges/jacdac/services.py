@@ -142,27 +142,27 @@ def _distance(data: bytes, known: Registers) -> Message:
 
 
 def _angle(message: Message, known: Registers) -> Mapping[int, bytes]:
-    degrees = cast(Angle, message).degrees
+    degrees = cast("Angle", message).degrees
     least = I16_16.read(known[LEAST_VALUE]) if known.get(LEAST_VALUE) else 0.0
     most = I16_16.read(known[MOST_VALUE]) if known.get(MOST_VALUE) else 180.0
     return {VALUE: I16_16.write(max(least, min(most, degrees))), INTENSITY: b"\1"}
 
 
 def _power(message: Message, _known: Registers) -> Mapping[int, bytes]:
-    power = max(-100.0, min(100.0, cast(Level, message).percent))
+    power = max(-100.0, min(100.0, cast("Level", message).percent))
     return {VALUE: I1_15.write(power / 100), INTENSITY: b"\1"}
 
 
 def _brightness(message: Message, _known: Registers) -> Mapping[int, bytes]:
-    return {INTENSITY: U0_16.write(max(0.0, min(100.0, cast(Level, message).percent)) / 100)}
+    return {INTENSITY: U0_16.write(max(0.0, min(100.0, cast("Level", message).percent)) / 100)}
 
 
 def _switched(message: Message, _known: Registers) -> Mapping[int, bytes]:
-    return {INTENSITY: b"\1" if cast(Switch, message).on else b"\0"}
+    return {INTENSITY: b"\1" if cast("Switch", message).on else b"\0"}
 
 
 def _pixels(message: Message, known: Registers) -> Mapping[int, bytes]:
-    colour = cast(Colour, message)
+    colour = cast("Colour", message)
     return {VALUE: bytes((colour.red, colour.green, colour.blue)) * _pixel_count(known)}
 
 
@@ -172,7 +172,7 @@ def _pixel_count(known: Registers) -> int:
 
 def _tone(message: Message) -> tuple[int, bytes] | None:
     """Play a tone: its period and the time its voltage is high in us, its length in ms."""
-    tone = cast(Tone, message)
+    tone = cast("Tone", message)
     if tone.hertz <= 0:
         return _PLAY_TONE, U16.write(1000) + U16.write(0) + U16.write(1)
     period = 1e6 / tone.hertz
