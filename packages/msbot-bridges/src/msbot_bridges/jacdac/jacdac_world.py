@@ -7,6 +7,7 @@ message of the socket is one frame.
 from __future__ import annotations
 
 import asyncio
+import logging
 import time
 from http import HTTPStatus
 from importlib import resources
@@ -31,6 +32,7 @@ MOST_WAITING = 65_536
 AGAIN_S = 1.0
 """Time after which a connection that has ended is tried again."""
 _LONGEST_WAIT_S = 60.0
+logging.getLogger("websockets").setLevel(logging.WARNING)
 _FILES = {"": "text/html", "page.css": "text/css", "page.js": "text/javascript", "jacdac.js": "text/javascript"}
 _Socket = ServerConnection | ClientConnection
 
@@ -192,7 +194,7 @@ class JacdacWorld(World):
                 self._found(event.module)
             elif isinstance(event, ModuleLost):
                 if (device := self._devices.pop(event.module, None)) is not None:
-                    self._host.lost(device, f"{device.identity.where}: {event.why}")
+                    self._host.lost(device, event.why)
             elif (device := self._devices.get(event.module)) is not None:
                 device.heard(event.service, event.register, event.event, event.data)
 
