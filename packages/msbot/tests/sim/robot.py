@@ -24,6 +24,7 @@ from msbot.part.messages.message import fields_of
 from msbot.pnp import Configuration, MemoryStore, SlotBinding
 from msbot.process.virtual_time import run_virtual
 from msbot.sim import SimulatedPart, make_simulator, message_class
+from msbot.sim.model_part import message_of
 from msbot_agent.link import InprocHub
 from msbot_agent.space import Qos, Sample, Topic
 
@@ -54,7 +55,7 @@ class Bench:
         found = self.part_type.port(port)
         assert found is not None
         assert found.message is not None
-        assert self.desk.publish(port, message_class(found.message)(**fields))
+        assert self.desk.publish(port, message_of(found.message, fields))
 
     def last(self, port: str) -> dict[str, object]:
         """The fields of the part's latest message at a port."""

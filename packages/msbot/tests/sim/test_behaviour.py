@@ -165,3 +165,30 @@ def test_the_thesis_toggle_switch_switches_the_output_it_is_told() -> None:
 
     play("EFGH", scene)
     assert readings == [{"output": "3", "gpio_3": True}, {"output": "5", "gpio_3": False}]
+
+
+def test_a_scanner_says_eight_distances_from_right_to_left() -> None:
+    async def scene(bench: Bench) -> None:
+        bench.unit.set("left", 0.5)
+        bench.unit.set("right", 9.0)
+        await asyncio.sleep(0.3)
+        scan = bench.last("scan")
+        metres = scan["metres"]
+        assert isinstance(metres, list)
+        expected = [4.0] * 3 + [2.0] * 2 + [0.5] * 3
+        assert metres == [pytest.approx(value, abs=0.05) for value in expected]
+        assert (scan["angle_min"], scan["angle_step"], scan["reach"]) == (-19.6875, 5.625, 4.0)
+
+    play("VL53L5CX", scene)
+
+
+def test_a_strip_shows_the_colours_that_it_was_told_and_none_when_it_is_safe() -> None:
+    async def scene(bench: Bench) -> None:
+        bench.send("strip", colours="[[255, 0, 0], [0, 0, 9]]")
+        await asyncio.sleep(0.1)
+        assert bench.unit.readings() == {"colours": "[[255, 0, 0], [0, 0, 9]]"}
+        bench.master.say_stop("ada")
+        await asyncio.sleep(0.5)
+        assert bench.unit.readings() == {"colours": "[]"}
+
+    play("WS2812B-STRIP", scene)

@@ -7,7 +7,18 @@ from collections.abc import Iterator
 
 import pytest
 
-from msbot.config import Control, ControlKind, Direction, FieldKind, Parameter, ParameterKind, Port, Scalar
+from msbot.config import (
+    Control,
+    ControlKind,
+    Direction,
+    FieldKind,
+    ListType,
+    MessageType,
+    Parameter,
+    ParameterKind,
+    Port,
+    Scalar,
+)
 from msbot.part import JoinState
 from tests.sim.robot import LIBRARY, Bench, play
 
@@ -54,6 +65,8 @@ def messages_for(port: Port) -> Iterator[dict[str, Scalar]]:
             if kind is FieldKind.BOOL
             else text
             if kind is FieldKind.TEXT
+            else f"[{[whole] * len(kind.element.fields)}]"
+            if isinstance(kind, ListType) and isinstance(kind.element, MessageType)
             else kind.zero
             if not isinstance(kind, FieldKind)
             else whole

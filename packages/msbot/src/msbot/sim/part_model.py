@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections import deque
 from collections.abc import Mapping, Sequence
@@ -13,8 +14,10 @@ from msbot.config import (
     Direction,
     EnumType,
     FieldKind,
+    FieldType,
     LeafType,
     ListType,
+    MessageType,
     Output,
     PartType,
     Port,
@@ -23,6 +26,7 @@ from msbot.config import (
     format_text,
     sources_in,
 )
+from msbot.config.library.simulator import FieldSource, scalars_of
 from msbot.part.messages.wire_types import FLOAT32_MAX
 from msbot.sim.simulated_reading import SimulatedReading, as_number, number
 
@@ -229,13 +233,13 @@ class _OutputState:
     def _conditions(self) -> set[str]:
         """The sources that its fields do not say as they are."""
         output = self.output
-        texts = [text for text in output.fields.values() if isinstance(text, str) and "{" in text]
+        texts = [text for text in output.scalars() if isinstance(text, str) and "{" in text]
         return {output.only_if} | set().union(*map(sources_in, texts))
 
     def sources(self) -> set[str]:
         """The names of what its messages depend on."""
         output = self.output
-        plain = {source for source in output.fields.values() if isinstance(source, str)}
+        plain = {source for source in output.scalars() if isinstance(source, str)}
         return plain | self._conditions() | {word for word in (output.every, output.change) if isinstance(word, str)}
 
     def begin(self, now: float) -> None:
@@ -264,8 +268,11 @@ class _OutputState:
             return False
         return any(self._noise_differs(field, source, values) for field, source in self.output.fields.items())
 
-    def _noise_differs(self, field: str, source: Scalar, values: Mapping[str, Scalar]) -> bool:
+    def _noise_differs(self, field: str, source: FieldSource, values: Mapping[str, Scalar]) -> bool:
         """Whether the noise of what a field says may count as a change."""
+        if isinstance(source, tuple):
+            noisy = {gauge.reading.name for gauge in self._noisy}
+            return any(one in noisy for one in scalars_of(source))
         gauge = next((gauge for gauge in self._noisy if gauge.reading.name == source), None)
         if gauge is None:
             return False
@@ -303,7 +310,7 @@ class _OutputState:
         return bool(self.output.only_if) and not values[self.output.only_if]
 
     def _fields(self, values: Mapping[str, Scalar]) -> dict[str, Scalar]:
-        return {name: fit(self._kinds[name], _said(source, values)) for name, source in self.output.fields.items()}
+        return {name: _field(self._kinds[name], source, values) for name, source in self.output.fields.items()}
 
     def _differs(self, fields: Mapping[str, Scalar], values: Mapping[str, Scalar]) -> bool:
         assert self._said is not None
@@ -313,6 +320,10 @@ class _OutputState:
             if value == before:
                 continue
             if isinstance(value, float) and isinstance(before, float) and abs(value - before) < least:
+                continue
+            if isinstance(self._kinds[name], ListType) and _are_near(
+                json.loads(str(value)), json.loads(str(before)), least
+            ):
                 continue
             return True
         return False
@@ -342,6 +353,30 @@ def fit(kind: LeafType, value: Scalar) -> Scalar:
         case _:
             least, most = kind.limits
             return min(most, max(least, round(as_number(value))))
+
+
+def _field(kind: LeafType, source: FieldSource, values: Mapping[str, Scalar]) -> Scalar:
+    """What a field says; a list is a JSON text, as everywhere where one value is expected."""
+    if isinstance(kind, ListType) and isinstance(source, tuple):
+        return json.dumps([_element(kind.element, one, values) for one in source])
+    assert not isinstance(source, tuple)
+    return fit(kind, _said(source, values))
+
+
+def _element(kind: FieldType, source: FieldSource, values: Mapping[str, Scalar]) -> object:
+    if isinstance(kind, MessageType):
+        assert isinstance(source, tuple)
+        return [_element(inner, one, values) for inner, one in zip(kind.fields.values(), source, strict=True)]
+    return _field(kind, source, values)
+
+
+def _are_near(value: object, before: object, least: float) -> bool:
+    """Whether no number in two lists differs by as much as that."""
+    if isinstance(value, list) and isinstance(before, list):
+        return len(value) == len(before) and all(_are_near(*pair, least) for pair in zip(value, before, strict=True))
+    if isinstance(value, float) and isinstance(before, float):
+        return abs(value - before) < least
+    return value == before
 
 
 def _said(source: Scalar, values: Mapping[str, Scalar]) -> Scalar:

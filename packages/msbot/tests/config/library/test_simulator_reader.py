@@ -161,3 +161,55 @@ def test_a_mistake_is_told_with_its_key(tmp_path: Path, right: str, wrong: str, 
     with pytest.raises(ConfigError) as caught:
         load(tmp_path, HEAD + SIMULATOR.replace(right, wrong, 1))
     assert sentence in str(caught.value)
+
+
+SCANNER = """
+number = "X"
+name = "Scanner"
+[[port]]
+name = "scan"
+direction = "publish"
+type = "Scan"
+[[port]]
+name = "lamps"
+direction = "publish"
+type = "Strip"
+[[simulator.control]]
+name = "near"
+type = "number"
+start = 1.5
+[[simulator.publish]]
+port = "scan"
+fields = { angle_min = 0, angle_step = 1, reach = 4, metres = ["near", 2.5] }
+[[simulator.publish]]
+port = "lamps"
+fields = { colours = [["near", 0, 255]] }
+"""
+
+
+def test_a_list_is_made_of_sources_and_values(tmp_path: Path) -> None:
+    outputs = simulator(tmp_path, SCANNER).outputs
+    assert outputs[0].fields["metres"] == ("near", 2.5)
+    assert outputs[1].fields["colours"] == (("near", 0, 255),)
+    assert list(outputs[1].scalars()) == ["near", 0, 255]
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong", "sentence"),
+    [
+        ('["near", 2.5]', '["neer", 2.5]', '"neer" is not a parameter, control, reading above or field of a port'),
+        ('["near", 2.5]', "[true]", "each element is the name of a source or a value, which must be a number"),
+        (
+            '["near", 0, 255]',
+            '["near", 0]',
+            "each element is the name of a source or a value, which must have the fields",
+        ),
+        ('["near", 0, 255]', '["near", 0, 256]', "which must be a whole number from 0 to 255"),
+        ('["near", 2.5]', str([1] * 361), "must have at most 360 elements; it has 361"),
+    ],
+)
+def test_a_mistake_in_a_list_is_told(tmp_path: Path, right: str, wrong: str, sentence: str) -> None:
+    assert right in SCANNER
+    with pytest.raises(ConfigError) as caught:
+        load(tmp_path, SCANNER.replace(right, wrong, 1))
+    assert sentence in str(caught.value)

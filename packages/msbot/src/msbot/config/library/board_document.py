@@ -163,7 +163,7 @@ def _not_for_boards(part_type: PartType, what: str) -> ConfigError:
 
 def _used_by(part_type: PartType, output: Output) -> list[str]:
     used = [one for one in (output.every, output.change, output.only_if) if isinstance(one, str) and one]
-    for source in output.fields.values():
+    for source in output.scalars():
         if isinstance(source, str) and "{" in source:
             raise _not_for_boards(part_type, output.port)
         used += [source] if isinstance(source, str) else []

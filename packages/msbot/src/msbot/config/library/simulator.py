@@ -10,14 +10,18 @@ the latest message at a port that subscribes, and `#port` for the number of mess
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from enum import Enum
+from typing import TypeAlias
 
 from msbot_agent.toml.problems import toml_value_in_words
 from msbot_agent.toml.table import Scalar
 from msbot_xrce.errors import ConfigError
 from msbot_xrce.lazy import dataclass
 
+FieldSource: TypeAlias = "Scalar | tuple[FieldSource, ...]"
+"""Where a field of a message comes from: the name of a source, a text with sources in braces, or a value; for a list
+one for each element, for a message in a list one for each of its fields."""
 Operand = float | str
 """A number, or the name of a source that gives one."""
 
@@ -192,8 +196,8 @@ class Output:
     """What a publishing port publishes, and when."""
 
     port: str
-    fields: Mapping[str, Scalar]
-    """Field of the message -> a source, a text with sources in braces, or a fixed number or truth value."""
+    fields: Mapping[str, FieldSource]
+    """Field of the message -> what it says."""
     every: Operand = 0.0
     """Period in seconds; 0 = only on a change."""
     on_change: bool = False
@@ -203,6 +207,11 @@ class Output:
     only_if: str = ""
     """The name of a source; while it is false, nothing is published."""
 
+    def scalars(self) -> Iterator[Scalar]:
+        """What its fields say, the elements of lists one by one."""
+        for source in self.fields.values():
+            yield from scalars_of(source)
+
 
 @dataclass(frozen=True, slots=True)
 class Simulator:
@@ -211,6 +220,15 @@ class Simulator:
     controls: tuple[Control, ...] = ()
     readings: tuple[Reading, ...] = ()
     outputs: tuple[Output, ...] = ()
+
+
+def scalars_of(source: FieldSource) -> Iterator[Scalar]:
+    """The elements of a source, also those of lists in it."""
+    if not isinstance(source, tuple):
+        yield source
+        return
+    for one in source:
+        yield from scalars_of(one)
 
 
 _TRUTHS = {"true": True, "yes": True, "on": True, "1": True, "false": False, "no": False, "off": False, "0": False}

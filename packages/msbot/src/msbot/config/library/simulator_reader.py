@@ -9,7 +9,15 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Mapping, Sequence
 
-from msbot.config.library.field_types import EnumType, FieldKind, LeafType, MessageType
+from msbot.config.library.field_types import (
+    EnumType,
+    FieldKind,
+    FieldType,
+    LeafType,
+    ListType,
+    MessageType,
+    fault_of,
+)
 from msbot.config.library.part_types import Direction, Parameter, Port
 from msbot.config.library.simulator import (
     DRIVES,
@@ -17,6 +25,7 @@ from msbot.config.library.simulator import (
     SENSES,
     Control,
     ControlKind,
+    FieldSource,
     Operand,
     Output,
     Reading,
@@ -198,7 +207,7 @@ class SimulatorReader:
     def _read_output(self, table: Table) -> Output:
         name = table.name("port", "light")
         port = next((port for port in self._ports if port.name == name), None)
-        fields: dict[str, Scalar] = {}
+        fields: dict[str, FieldSource] = {}
         publishing = [port.name for port in self._ports if port.direction is Direction.PUBLISH]
         if name not in publishing:
             if name:
@@ -221,9 +230,13 @@ class SimulatorReader:
         table.finish()
         return output
 
-    def _read_fields(self, table: Table, port: str, message: MessageType) -> dict[str, Scalar]:
-        fields: dict[str, Scalar] = {}
+    def _read_fields(self, table: Table, port: str, message: MessageType) -> dict[str, FieldSource]:
+        fields: dict[str, FieldSource] = {}
         for key in table.present_keys():
+            kind, listed = message.leaves.get(key), table.item(key)
+            if isinstance(kind, ListType) and isinstance(listed, list):
+                fields[key] = self._read_list(table, key, kind, listed)
+                continue
             value = table.scalar(key)
             if key not in message.leaves:
                 right = suggestion(key, list(message.leaves), none_known="remove it")
@@ -238,6 +251,24 @@ class SimulatorReader:
             if key not in fields and key not in table.present_keys():
                 fields[key] = self._source_of_field(table, port, key, message)
         return fields
+
+    def _read_list(self, table: Table, key: str, kind: ListType, items: list[object]) -> FieldSource:
+        if len(items) > kind.most or (kind.is_fixed and len(items) < kind.most):
+            table.report(
+                f"must have {'' if kind.is_fixed else 'at most '}{kind.most} elements; it has {len(items)}", key
+            )
+        return tuple(self._read_element(table, key, kind.element, one) for one in items)
+
+    def _read_element(self, table: Table, key: str, kind: FieldType, value: object) -> FieldSource:
+        if isinstance(kind, MessageType) and isinstance(value, list) and len(value) == len(kind.fields):
+            pairs = zip(kind.fields.values(), value, strict=True)
+            return tuple(self._read_element(table, key, inner, one) for inner, one in pairs)
+        if isinstance(value, str):
+            self._check_source(table, key, value)
+            return value
+        if fault := fault_of(kind, value):
+            table.report(f"each element is the name of a source or a value, which {fault}", key)
+        return value if isinstance(value, bool | int | float) else 0
 
     def _source_of_field(self, table: Table, port: str, key: str, message: MessageType) -> Scalar:
         """The source of a field about which the file says nothing: one with the field's name, or with the port's."""
