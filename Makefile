@@ -120,6 +120,7 @@ bench: $(VENV)/.dev
 
 wheel: $(VENV)/.run
 	@rm -rf dist && mkdir dist
+	@$(BIN)/python tools/man_pages.py
 	@$(PYTHON) -m pip --python $(BIN)/python wheel --quiet --disable-pip-version-check --no-deps --no-build-isolation --wheel-dir dist $(dir $(PROJECTS))
 	@ls dist/*.whl
 	@echo "Elsewhere: pip install '$$(ls dist/msbot-*.whl)[all]' dist/msbot_*.whl"

@@ -22,7 +22,7 @@ from tools.sources import PACKAGES, ROOT
 PAGE = ROOT / "packages/README.md"
 BEGIN = "<!-- made by tools/room_table.py from pyproject.toml -->\n"
 END = "<!-- end of what is made -->\n"
-OWN = {package.name for package in PACKAGES}
+OWN = {path.stem for package in PACKAGES for path in (package, *package.parent.glob("*.py"))}
 
 
 def table() -> str:

@@ -39,6 +39,8 @@ def build(tree: Path, into: Path, epoch: int) -> list[Path]:
     """Build an sdist and a wheel of each distribution of an exported tree; returns the files."""
     into = into.absolute()
     environment = {**os.environ, "SOURCE_DATE_EPOCH": str(epoch), "PYTHONDONTWRITEBYTECODE": "1"}
+    pages = [sys.executable, "tools/man_pages.py"]
+    subprocess.run(pages, cwd=tree, env=environment, check=True)
     for name in DISTRIBUTIONS:
         _hatchling(tree / "packages" / name, into, environment, "--target", "sdist", "--target", "wheel")
     return sorted(into.iterdir())

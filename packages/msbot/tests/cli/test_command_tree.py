@@ -28,6 +28,7 @@ NO_FACTS = {
         "class apply", "class undo", "pupils robot", "class join", "class leave", "user revoke",
     ), DOES),
     **dict.fromkeys(("user add", "user passwd", "user ticket", "user token", "key new"), SECRET),
+    "help": "shows a page of the handbook, which is a text",
     "plot": "draws; `--out FILE.csv` has the numbers",
     "log diff": "writes lines as `diff` does, and its exit status says whether there are any",
 }  # fmt: skip

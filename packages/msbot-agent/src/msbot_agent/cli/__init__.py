@@ -92,6 +92,7 @@ TASKS = {
         "export": "Write a robot of the database down as a blueprint.",
         "db": "Take care of a robot's database: migrate, copy, restore, check.",
         "extensions": "List the extensions that are installed, and what is wrong with them.",
+        "help": "Show a page of the handbook, or the help of a command.",
         "completion": "Print what completes `msbot` commands in bash, zsh or fish.",
     },
 }
@@ -162,7 +163,7 @@ def _run() -> None:
 
 IN_SCHOOL = ("class", "fault", "mission", "lesson", "quiz")
 IN_BRIDGES = ("bridge",)
-IN_WEB = ("demo", "user", "pupils")
+IN_WEB = ("demo", "user", "pupils", "help")
 
 
 def package_of(command: str) -> str:
