@@ -99,12 +99,29 @@ class WebSettings:
     """What browsers know the page by, whichever robot it shows; empty: by its robot."""
 
 
+DATE_S = 1.0
+"""Period in which the date in the headers of answers is set."""
+
+
 class _Server(uvicorn.Server):
     """Leaves signals to the command that runs the robot, and says when it is up."""
 
     def __init__(self, config: uvicorn.Config) -> None:
         super().__init__(config)
         self.ready = asyncio.Event()
+        self._leaving = asyncio.Event()
+
+    async def main_loop(self) -> None:
+        """Keep the date of answers until `leave`; uvicorn itself would look ten times a second whether to end."""
+        while not await self.on_tick(0):
+            with contextlib.suppress(TimeoutError):
+                async with asyncio.timeout(DATE_S):
+                    await self._leaving.wait()
+
+    def leave(self) -> None:
+        """End, without waiting for anybody."""
+        self.should_exit = self.force_exit = True
+        self._leaving.set()
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:  # noqa: ARG002 - uvicorn's signature
         await super().startup([])  # no socket for asyncio's own server: `ProtocolServer` looks after it
@@ -205,8 +222,7 @@ class WebServer:
         finally:
             accepting.cancel()
             showing.cancel()
-            self._server.should_exit = True
-            self._server.force_exit = True
+            self._server.leave()
             ending = asyncio.ensure_future(self._end(serving))
             while not ending.done():  # whoever is in a hurry and cancels twice does not tear it off half way
                 with contextlib.suppress(asyncio.CancelledError):

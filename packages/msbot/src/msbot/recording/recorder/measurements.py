@@ -55,14 +55,26 @@ class Lateness:
 
     def __init__(self) -> None:
         self._worst_s = 0.0
+        self._timer: asyncio.TimerHandle | None = None
 
     async def run(self) -> None:
         """Measure until cancelled."""
         loop = asyncio.get_running_loop()
-        while True:
-            due = loop.time() + STEP_S
-            await asyncio.sleep(STEP_S)
-            self._worst_s = max(self._worst_s, loop.time() - due)
+        self._arm(loop)
+        try:
+            await loop.create_future()
+        finally:
+            if self._timer is not None:
+                self._timer.cancel()
+
+    def _arm(self, loop: asyncio.AbstractEventLoop) -> None:
+        # At the same times for all who measure: the computer wakes up once for them.
+        due = (loop.time() // STEP_S + 1) * STEP_S
+        self._timer = loop.call_at(due, self._look, loop, due)
+
+    def _look(self, loop: asyncio.AbstractEventLoop, due: float) -> None:
+        self._worst_s = max(self._worst_s, loop.time() - due)
+        self._arm(loop)
 
     def take_ms(self) -> float:
         """The worst since the last call, milliseconds."""
