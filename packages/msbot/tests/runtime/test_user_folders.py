@@ -73,26 +73,6 @@ def test_what_survives_a_restart_follows_the_desktop_rules(tmp_path: Path, monke
     assert settings_folder("systemd") == tmp_path / "config/systemd"
 
 
-def test_files_of_an_earlier_version_are_found_until_the_new_folder_is_there(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """As on macOS, where an earlier version kept them below `~/.local/state`."""
-    new = tmp_path / "Library/msbot"
-    monkeypatch.setenv("HOME", str(tmp_path))
-    monkeypatch.delenv("XDG_STATE_HOME", raising=False)
-    monkeypatch.setattr("platformdirs.user_state_path", lambda *_, **__: new)
-    assert state_folder() == new
-    earlier = tmp_path / ".local/state/msbot"
-    (earlier / "stop").mkdir(parents=True)
-    os.mkfifo(earlier / "stop/asks.sock")  # as little a file as a socket, and its path may be long
-    assert state_folder() == new, "only sockets there"
-    (earlier / "uid").mkdir()
-    (earlier / "uid/ABCD.ABCD").write_text("0011223344556677")
-    assert state_folder() == earlier
-    new.mkdir(parents=True)
-    assert state_folder() == new
-
-
 def test_a_folder_that_others_can_read_is_refused(tmp_path: Path) -> None:
     tmp_path.chmod(0o700)
     check_owner(tmp_path)

@@ -1,8 +1,7 @@
 """The folders of this user: for state that survives a restart, for what running programs leave each other, and for
 settings.
 
-`platformdirs` knows the rules of each system (XDG base directories on Linux). If an earlier version kept its files
-elsewhere, they are still found there.
+`platformdirs` knows the rules of each system (XDG base directories on Linux).
 """
 
 from __future__ import annotations
@@ -30,12 +29,7 @@ def state_folder() -> Path:
     """Where this user's programs keep the state that must survive a restart: `$XDG_STATE_HOME/msbot` on Linux."""
     from platformdirs import user_state_path  # `msbot --help` needs no folder
 
-    folder = user_state_path(APP, appauthor=False)
-    earlier = _earlier_state_folder()
-    if earlier == folder or folder.is_dir():
-        return folder
-    # Sockets of an earlier version may be there, too; only other files are a reason to keep using it.
-    return earlier if any(path.is_file() for path in earlier.glob("*/*")) else folder
+    return user_state_path(APP, appauthor=False)
 
 
 def settings_folder(program: str) -> Path:
@@ -107,12 +101,6 @@ def is_running(pid: int) -> bool:
     except (PermissionError, OverflowError):
         return True
     return True
-
-
-def _earlier_state_folder() -> Path:
-    if sys.platform == "win32":
-        return Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local") / APP
-    return Path(os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state") / APP
 
 
 # Keeps this user's processes from changing the files of one folder at the same time.

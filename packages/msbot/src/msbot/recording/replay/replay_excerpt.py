@@ -113,7 +113,6 @@ def read_excerpt(
 def _survey(reader: RecordingReader) -> tuple[dict[str, RecordedSlot], int]:
     """The slots of a recording, each as it was known last, and when the recording began."""
     numbers: dict[str, str] = {}
-    names: dict[str, str] = {}
     local_names: dict[str, str] = {}
     began_ns = 0
     for place, message in enumerate(reader.messages()):
@@ -124,16 +123,8 @@ def _survey(reader: RecordingReader) -> tuple[dict[str, RecordedSlot], int]:
                 numbers[slot] = number
             if slot and local_name:
                 local_names[slot] = local_name
-        elif message.topic == f"{OWN}events":
-            slot, part = _texts(message, "slot", "part")
-            if slot and part:
-                names[slot] = part
     return {
-        # Recordings of earlier versions tell the local name only as the name of the part in events.
-        slot: RecordedSlot(
-            slot, number, local_names.get(slot) or (slot if names.get(slot, number) == number else names[slot])
-        )
-        for slot, number in numbers.items()
+        slot: RecordedSlot(slot, number, local_names.get(slot) or slot) for slot, number in numbers.items()
     }, began_ns
 
 
