@@ -143,25 +143,35 @@ def deepest(graphs: list[Path]) -> int:
 
 
 def tables() -> tuple[list[str], list[str]]:
-    """The lines of the table, and what is too large, in words."""
-    lines = ["| | core | flash, with its C library | RAM | deepest stack |", "|---|---|---|---|---|"]
+    """The lines of the list, and what is too large, in words."""
+    lines = [f"Three numbers are of {', '.join(CORES)}.", ""]
     too_large = []
     with tempfile.TemporaryDirectory() as folder:
         for core in CORES:
             compile_all(core, Path(folder))
         for what, (modules, structure) in MODULES.items():
+            flashes, rams, stacks = [], [], []
             for core in CORES:
                 flash, library, ram, stack = measure(core, modules, structure, Path(folder))
-                lines.append(f"| {what} | {core} | {flash + library:,} | {ram:,} | {stack:,} |")
+                flashes.append(f"{flash + library:,}")
+                rams.append(f"{ram:,}")
+                stacks.append(f"{stack:,}")
                 if what in LIMITED and flash + library > FLASH_LIMIT:
                     too_large.append(f"{what} on {core}: {flash + library} octets of flash, at most {FLASH_LIMIT}")
                 if what in LIMITED and ram > RAM_LIMIT:
                     too_large.append(f"{what} on {core}: {ram} octets of RAM, at most {RAM_LIMIT}")
+            columns = (f"flash, with its C library, {_once(flashes)}", f"RAM {_once(rams)}", f"stack {_once(stacks)}")
+            lines.append(f"* {what}: {'; '.join(columns)}")
     return lines, too_large
 
 
+def _once(numbers: list[str]) -> str:
+    """Numbers that are the same stand once."""
+    return numbers[0] if len(set(numbers)) == 1 else " / ".join(numbers)
+
+
 def write(lines: list[str]) -> None:
-    """Put the table into the page."""
+    """Put the list into the page."""
     text = PAGE.read_text()
     begin, end = "<!-- firmware/c/sizes.py: sizes -->", "<!-- end of sizes -->"
     if begin not in text or end not in text:
