@@ -123,6 +123,10 @@ def _take_apart(page: Page) -> None:
     page.locator(".ms-side h2").wait_for()
 
 
+def _whose_part_fits(page: Page) -> None:
+    page.get_by_text("Whose part fits?").click()
+
+
 def _last_minute(page: Page) -> None:
     page.get_by_text("1 min", exact=True).first.click()
 
@@ -247,6 +251,7 @@ SHOTS = (
     Shot("learn", "/learn"),
     Shot("lesson", "/learn", _lesson, world="line"),
     Shot("library", "/library"),
+    Shot("fits", "/library", _whose_part_fits),
     Shot("passport", "/library/SG90"),
     Shot("missions", "/missions"),
     Shot("faults", "/faults"),

@@ -11,6 +11,7 @@ from msbot_bridges.bridge.contract import (
     DeviceIdentity,
     DeviceOutput,
     DeviceSetting,
+    Fit,
     ForeignDevice,
     Input,
     Report,
@@ -19,6 +20,7 @@ from msbot_bridges.bridge.contract import (
     World,
     WorldHost,
     WorldKind,
+    fits_of,
     worlds,
 )
 from msbot_bridges.bridge.thread import WorldThread
@@ -30,6 +32,7 @@ __all__ = [
     "DeviceIdentity",
     "DeviceOutput",
     "DeviceSetting",
+    "Fit",
     "ForeignDevice",
     "Input",
     "Report",
@@ -39,5 +42,6 @@ __all__ = [
     "WorldHost",
     "WorldKind",
     "WorldThread",
+    "fits_of",
     "worlds",
 ]

@@ -10,7 +10,7 @@ from __future__ import annotations
 import hashlib
 import re
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import field
 from typing import Any, Protocol
 
@@ -222,6 +222,30 @@ class SimulatedDevice(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
+class Fit:
+    """A standard message, and what of a world fills it."""
+
+    message: str
+    reports: Sequence[str]
+    """Kinds of devices that send it, in the words of that world."""
+    driven: Sequence[str]
+    """Kinds of devices that it drives."""
+
+
+def fits_of(
+    reports: Iterable[tuple[type[Message], str]], driven: Iterable[tuple[type[Message], str]]
+) -> tuple[Fit, ...]:
+    """What a world fills, from its tables of messages and kinds."""
+    found: dict[str, tuple[list[str], list[str]]] = {}
+    for place, pairs in enumerate((reports, driven)):
+        for message, kind in pairs:
+            kinds = found.setdefault(message.type_name, ([], []))[place]
+            if kind not in kinds:
+                kinds.append(kind)
+    return tuple(Fit(message, tuple(out), tuple(into)) for message, (out, into) in found.items())
+
+
+@dataclass(frozen=True, slots=True)
 class WorldKind:
     """One kind of world, named by an entry point of the group `msbot.bridges`."""
 
@@ -235,6 +259,8 @@ class WorldKind:
     """The options that it takes, each with what it means."""
     simulated: Mapping[str, Callable[[BridgeLink, Mapping[str, Any]], SimulatedDevice]] = field(default_factory=dict)
     """What can be simulated, by name."""
+    fits: Callable[[], Sequence[Fit]] = tuple
+    """Which standard messages its devices send, and are driven by; without its library."""
 
     def check(self, name: str, link: BridgeLink) -> None:
         """Refuse options that this kind of world does not have.

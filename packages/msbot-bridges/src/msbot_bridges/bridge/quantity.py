@@ -95,6 +95,14 @@ def quantity(unit: str, kind: str = "") -> Quantity:
     return QUANTITIES.get(unit, NUMBER)
 
 
+def messages_by_unit() -> list[tuple[type[Message], str]]:
+    """Each message with the units that make it: `rpm, rad/s`."""
+    units: dict[type[Message], list[str]] = {}
+    for unit, one in QUANTITIES.items():
+        units.setdefault(one.message, []).append(unit)
+    return [(message, ", ".join(found)) for message, found in units.items()]
+
+
 def nearest_to_zero(least: float | None, most: float | None) -> float:
     """The number of a range that is nearest to zero: the safe value of a number that has no other."""
     return min(max(0.0, -math.inf if least is None else least), math.inf if most is None else most)

@@ -18,6 +18,8 @@ from msbot.part.messages.standard import (
     Temperature,
     Weight,
 )
+from msbot_agent.text.sentence import said
+from msbot_bridges.bridge import Fit, fits_of
 from msbot_bridges.canopen.objects import Entry
 from msbot_xrce.lazy import dataclass
 
@@ -73,6 +75,28 @@ class Channel:
         if self.message is Switch:
             return Switch(on=False)
         return Level(percent=0) if self.message is Level else None
+
+
+def channel_fits() -> tuple[Fit, ...]:
+    """Which messages devices send, and are driven by: drives, modules, and objects of an EDS by their unit."""
+    drives: list[tuple[type[Message], str]] = [(Speed, said("drives")), (Angle, said("drives"))]
+    units: dict[type[Message], list[str]] = {}
+    for unit, (message, _) in _BY_UNIT.items():
+        units.setdefault(message, []).append(unit)
+    objects = [(message, said("objects in {units}", units=", ".join(found))) for message, found in units.items()]
+    reports: list[tuple[type[Message], str]] = [
+        *drives,
+        (Switch, said("inputs")),
+        (Level, said("analogue inputs")),
+        *objects,
+    ]
+    driven: list[tuple[type[Message], str]] = [
+        *drives,
+        (Switch, said("outputs")),
+        (Level, said("analogue outputs")),
+        *objects,
+    ]
+    return fits_of(reports, driven)
 
 
 def bits_of(port: str, entry: Entry, first: int) -> list[Channel]:

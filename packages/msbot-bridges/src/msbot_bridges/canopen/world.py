@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from msbot_bridges.bridge import BridgeLink, SimulatedDevice, World, WorldKind
+from msbot_bridges.bridge import BridgeLink, Fit, SimulatedDevice, World, WorldKind
 from msbot_bridges.canbus import check_address
 from msbot_xrce.errors import ConfigError
 
@@ -56,10 +56,17 @@ def _missing(error: ModuleNotFoundError) -> ConfigError:
     return ConfigError(f"CANopen takes the library {error.name}: pip install 'msbot-bridges[canopen]'")
 
 
+def _fits() -> Sequence[Fit]:
+    from msbot_bridges.canopen.channels import channel_fits
+
+    return channel_fits()
+
+
 WORLD = WorldKind(
     "CANopen drives (CiA 402), inputs and outputs (CiA 401), devices with an EDS",
     "socketcan:can0?bitrate=500000",
     open_world,
     options={"eds": "a folder with EDS files"},
     simulated={"drive": _drive, "io": _io},
+    fits=_fits,
 )

@@ -13,7 +13,17 @@ from typing import Any
 
 from msbot.part import Message
 from msbot.part.messages.standard import Angle, Battery, Distance, Level, Speed, Temperature
-from msbot_bridges.bridge import DeviceIdentity, DeviceOutput, DeviceSetting, ForeignDevice, Input, Report
+from msbot_agent.text.sentence import said
+from msbot_bridges.bridge import (
+    DeviceIdentity,
+    DeviceOutput,
+    DeviceSetting,
+    Fit,
+    ForeignDevice,
+    Input,
+    Report,
+    fits_of,
+)
 
 NEUTRAL_DEGREES = 3.0
 """A servo is at its neutral position when it reports no more than this."""
@@ -37,6 +47,22 @@ _INPUTS = {
 }
 KINDS = tuple(_OUTPUTS)
 """The messages that decide what a node is."""
+
+
+_KIND_WORDS = {
+    ESC: said("motor controllers"),
+    SERVO: said("servos"),
+    RANGE: said("range finders"),
+    BATTERY: said("batteries"),
+}
+
+
+def node_fits() -> tuple[Fit, ...]:
+    """Which messages nodes send, and are driven by."""
+    return fits_of(
+        ((one.message, _KIND_WORDS[kind]) for kind, outputs in _OUTPUTS.items() for one in outputs),
+        ((one.message, _KIND_WORDS[kind]) for kind, one in _INPUTS.items()),
+    )
 
 
 class NodeDevice(ForeignDevice):

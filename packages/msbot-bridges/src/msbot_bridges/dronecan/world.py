@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
-from msbot_bridges.bridge import BridgeLink, SimulatedDevice, World, WorldKind
+from msbot_bridges.bridge import BridgeLink, Fit, SimulatedDevice, World, WorldKind
 from msbot_bridges.canbus import check_address
 from msbot_xrce.errors import ConfigError
 
@@ -40,9 +40,16 @@ def _missing(error: ModuleNotFoundError) -> ConfigError:
     return ConfigError(f"DroneCAN takes the library {error.name}: pip install 'msbot-bridges[dronecan]'")
 
 
+def _fits() -> Sequence[Fit]:
+    from msbot_bridges.dronecan.node_device import node_fits
+
+    return node_fits()
+
+
 WORLD = WorldKind(
     "DroneCAN servos, motor controllers, range finders, batteries",
     "socketcan:can0",
     open_world,
     simulated={"servo": _servo},
+    fits=_fits,
 )

@@ -8,8 +8,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from enum import Enum
 
 from msbot.part import Message
-from msbot.part.messages.standard import Switch
-from msbot_bridges.bridge.quantity import Quantity, quantity
+from msbot.part.messages.standard import Number, Switch
+from msbot_agent.text.sentence import said
+from msbot_bridges.bridge import Fit, fits_of
+from msbot_bridges.bridge.quantity import Quantity, messages_by_unit, quantity
 from msbot_xrce.errors import ConfigError
 from msbot_xrce.lazy import dataclass
 
@@ -180,3 +182,11 @@ def blocks(points: Sequence[Point]) -> Iterator[Block]:
         if inside:
             end = max(one.address + one.count for one in inside)
             yield Block(table, inside[0].address, end - inside[0].address, tuple(inside))
+
+
+def register_fits() -> tuple[Fit, ...]:
+    """Which messages registers send, and are driven by: what the unit of a point says."""
+    by_unit = [(message, said("registers in {units}", units=units)) for message, units in messages_by_unit()]
+    reports: list[tuple[type[Message], str]] = [(Switch, said("coils")), (Switch, said("discrete inputs")), *by_unit]
+    driven: list[tuple[type[Message], str]] = [(Switch, said("coils")), *by_unit]
+    return fits_of([*reports, (Number, said("registers"))], [*driven, (Number, said("registers"))])

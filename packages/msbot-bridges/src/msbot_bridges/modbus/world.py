@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from msbot_bridges.bridge import BridgeLink, SimulatedDevice, World, WorldKind
+from msbot_bridges.bridge import BridgeLink, Fit, SimulatedDevice, World, WorldKind
 from msbot_bridges.modbus.address import read_address
 from msbot_bridges.modbus.device_table import DeviceTable, read_device_table
 from msbot_xrce.errors import ConfigError
@@ -60,10 +60,17 @@ def _simulated(link: BridgeLink, options: Mapping[str, Any]) -> SimulatedDevice:
     return SimulatedLine(address, tables)
 
 
+def _fits() -> Sequence[Fit]:
+    from msbot_bridges.modbus.points import register_fits
+
+    return register_fits()
+
+
 WORLD = WorldKind(
     "Modbus RTU and TCP: registers that a table names",
     "tcp:192.168.1.20",
     open_world,
     {"table": "the TOML file that says what the registers are; several: a.toml,b.toml"},
     {"devices": _simulated},
+    _fits,
 )

@@ -52,16 +52,16 @@ def ports_of(component: str, config: Config, name: str, names: PortNames) -> Ent
 
 
 COMPONENTS: Mapping[str, tuple[tuple[type[Message], ...], tuple[type[Message], ...]]] = {
-    "light": ((Switch, Level, Colour), (Switch, Level, Colour)),
+    "light": ((Switch, Level), (Switch, Level, Colour)),
     "switch": ((Switch,), (Switch,)),
     "fan": ((Switch, Level), (Switch, Level)),
     "cover": ((Switch, Level), (Switch, Level)),
-    "number": ((Number, Level), (Number, Level)),
+    "number": ((Number,), (Number,)),
     "button": ((), (Trigger,)),
-    "sensor": ((Number, Level, Text), ()),
+    "sensor": ((Number, Text), ()),
     "binary_sensor": ((Switch,), ()),
 }
-"""By component: messages that it may send, and messages that drive it."""
+"""By component: messages that it may send, and messages that drive it; a number with a unit is what the unit says."""
 
 
 # What configurations have

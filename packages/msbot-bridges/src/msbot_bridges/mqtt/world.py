@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from msbot_bridges.bridge import BridgeLink, SimulatedDevice, World, WorldKind
+from msbot_bridges.bridge import BridgeLink, Fit, SimulatedDevice, World, WorldKind
 from msbot_xrce.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -52,6 +52,12 @@ def _simulated_lamp(link: BridgeLink, options: Mapping[str, Any]) -> SimulatedDe
     return SimulatedLamp(link, options)
 
 
+def _fits() -> Sequence[Fit]:
+    from msbot_bridges.mqtt.mqtt_fits import mqtt_fits
+
+    return mqtt_fits()
+
+
 WORLD = WorldKind(
     "MQTT: devices of Home Assistant's discovery (ESPHome, Tasmota, Zigbee2MQTT) and of Homie 4 and 5",
     "mqtt://127.0.0.1",
@@ -63,4 +69,5 @@ WORLD = WorldKind(
         "ca": "a file with the certificates to trust, for mqtts://",
     },
     {"lamp": _simulated_lamp},
+    _fits,
 )

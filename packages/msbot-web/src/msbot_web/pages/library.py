@@ -15,6 +15,7 @@ from msbot_web.pages.layout import page_frame
 from msbot_web.pages.page import Page
 from msbot_web.pages.page_elements import ask_first
 from msbot_web.pages.slot_dialogs import ask_for_slot, types_found
+from msbot_web.pages.whose_part_fits import message_lines, named, substitutes, worlds_that_fit
 from msbot_web.root_path import base_of
 from msbot_web.service import Service
 from msbot_web.svg.drawings import picture_of, qr_svg, value_words
@@ -47,6 +48,8 @@ def _catalogue(page: Page, search: str) -> None:
         "outlined clearable autofocus"
     )
     find.classes("w-full")
+    with ui.expansion(page.translate("Whose part fits?"), icon="handshake").classes("w-full"):
+        _messages(page)
     grid = ui.html("", sanitize=False).classes("w-full")
 
     def show() -> None:
@@ -58,6 +61,19 @@ def _catalogue(page: Page, search: str) -> None:
 
     find.on_value_change(show)
     show()
+
+
+def _messages(page: Page) -> None:
+    """Which part types have each of the standard messages: what sends it fits what it drives, whoever made them."""
+    _table(
+        page,
+        "Parts fit each other that have the same message",
+        ("Message", "Sent by", "Drives", "Other makers"),
+        [
+            (one.message, named(one.reports), named(one.driven), " · ".join(one.worlds) or "–")
+            for one in message_lines(page.service.views.library, worlds_that_fit(), page.translate)
+        ],
+    )
 
 
 def _range_words(page: Page, least: float | None, most: float | None) -> str:
@@ -133,6 +149,15 @@ def _entry(page: Page, found: PartType, base: str) -> None:
         [
             (str(number), pin.name, say(pin.kind.value), say(pin.description))
             for number, pin in enumerate(found.pins, 1)
+        ],
+    )
+    _table(
+        page,
+        "Which others could fill its slot",
+        ("Part type", "Name", "Ports that are lost", "Settings that are lost"),
+        [
+            (one.number, say(one.name), ", ".join(one.ports) or "–", ", ".join(one.settings) or "–")
+            for one in substitutes(found, page.service.views.library)
         ],
     )
     if found.origin and page.may(Right.DESIGN):

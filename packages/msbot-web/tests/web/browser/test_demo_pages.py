@@ -235,6 +235,11 @@ def test_the_library_is_searched(blank: Page, demo: Site) -> None:
     expect(page.get_by_text("3 part types")).to_be_visible()
     page.get_by_role("link", name="SG90: Servo, 180 degrees").click()
     expect(page.get_by_role("heading", name="Pins")).to_be_visible()
+    others = page.locator(".panel").filter(has_text="Which others could fill its slot")
+    expect(others.get_by_role("row").filter(has_text="MG996R")).to_be_visible()
+    go(page, f"{demo.base}/library")
+    page.get_by_text("Whose part fits?").click()
+    expect(page.get_by_role("row").filter(has_text="Distance")).to_contain_text("HC-SR04")
 
 
 def test_a_quiz_is_answered_by_keyboard_graded_and_asks_about_frames_of_the_bus(blank: Page, demo: Site) -> None:
