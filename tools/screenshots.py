@@ -89,7 +89,7 @@ def _a_class(page: Page) -> None:
     tickets = page.locator(".ticket")
     tickets.first.wait_for()
     passwords = {name: tickets.filter(has_text=name).locator("b.mono").inner_text() for name in ("Ada", "Cleo", "Emil")}
-    page.get_by_role("button", name="Close").click()
+    page.get_by_role("dialog").get_by_role("button", name="Close").click()
     base = re.sub(r"/pupils.*", "", page.url)
     assert page.context.browser is not None
     for name, password in passwords.items():

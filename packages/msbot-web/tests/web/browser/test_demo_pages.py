@@ -495,6 +495,11 @@ def test_a_mission_is_started_answered_and_reported(blank: Page, demo: Site) -> 
     page.get_by_role("button", name="Do it").click()
     expect(page.get_by_text("over after")).to_contain_text("everything is found and done")
     expect(page.locator(".mr-score")).to_contain_text("9 of 10 marks")
+    expect(page.get_by_role("row", name=re.compile("wrong answer: .*only the place is right"))).to_be_visible()
+    page.emulate_media(media="print")  # on paper there is the report alone, without a frame
+    expect(page.get_by_text("No mission runs")).to_be_hidden()
+    expect(page.locator(".panel:has(.mr)")).to_have_css("border-top-width", "0px")
+    page.emulate_media(media="screen")
     with page.expect_download() as saved:
         page.get_by_role("button", name="Report (HTML)").click()
     assert "<svg" in Path(saved.value.path()).read_text()
