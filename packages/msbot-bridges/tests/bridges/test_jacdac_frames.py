@@ -27,7 +27,7 @@ from msbot_bridges.jacdac.jacdac_bus import (
     ModuleLost,
     Reported,
 )
-from msbot_bridges.jacdac.services import INTENSITY, PRODUCT, READING, STREAMING_SAMPLES, VALUE, Fixed
+from msbot_bridges.jacdac.services import INTENSITY, PRODUCT, READING, STREAMING_SAMPLES, VALUE, FixedPoint
 
 SERVO, BUTTON = 0x12FC9103, 0x1473A263
 ONE = bytes(range(8))
@@ -68,7 +68,7 @@ def test_what_is_wrong_is_said(damage: object, said: str) -> None:
 
 @given(st.floats(-40000, 40000))
 def test_a_number_that_does_not_fit_becomes_the_nearest(number: float) -> None:
-    form = Fixed(4, 16, signed=True)
+    form = FixedPoint(4, 16, signed=True)
     assert form.read(form.write(number)) == pytest.approx(max(-32768, min(32768, number)), abs=1e-4)
 
 
@@ -102,14 +102,23 @@ def test_a_module_is_only_asked_until_it_is_driven_and_then_kept_at_its_values()
     bus = JacdacBus()
     module = found(bus, SERVO).module
     now = ASK_TIMES * ASK_S
-    module.hear(now)
-    module.want(1, {INTENSITY: b"\1"})
+    module.start_streaming(now)
+    module.keep(1, {INTENSITY: b"\1"})
     assert Packet(1, SET | INTENSITY, b"\1") in sent(bus.poll(now))
     assert sent(bus.poll(now + AGAIN_S / 2)) == []
     assert Packet(1, SET | INTENSITY, b"\1") in sent(bus.poll(now + AGAIN_S)), "a frame may have been lost"
-    module.leave()
+    module.release()
     bus.receive(announce(ONE, SERVO), now + AGAIN_S)
     assert sent(bus.poll(now + 3 * AGAIN_S)) == []
+
+
+def test_a_safe_value_goes_out_though_the_module_is_released_at_once() -> None:
+    bus = JacdacBus()
+    module = found(bus, SERVO).module
+    module.start_streaming(1.0)
+    module.keep(1, {INTENSITY: b"\0"})
+    module.release()
+    assert sent(bus.poll(1.0)) == [Packet(1, SET | INTENSITY, b"\0")]
 
 
 def test_what_it_answers_is_asked_no_more_and_known() -> None:
@@ -126,7 +135,7 @@ def test_what_it_answers_is_asked_no_more_and_known() -> None:
 def test_readings_are_streamed_on_demand_and_events_count_once() -> None:
     bus = JacdacBus()
     module = found(bus, BUTTON).module
-    module.hear(1.0)
+    module.start_streaming(1.0)
     assert Packet(1, SET | STREAMING_SAMPLES, b"\xff") in sent(bus.poll(1.0))
     for _ in range(3):
         bus.receive(report(ONE, Packet(1, 0x8501)), 1.1)

@@ -57,9 +57,9 @@ class Module:
         self.known: dict[Register, bytes] = {}
         """What it has answered."""
         self.is_found = False
-        self.is_heard = False
+        self.is_streaming = False
         """Somebody wants its readings."""
-        self.wanted: dict[Register, bytes] = {}
+        self.kept: dict[Register, bytes] = {}
         """Registers that are kept at a value."""
         self._questions = [(0, DESCRIPTION), (0, PRODUCT), (0, FIRMWARE)]
         for index, service in self.services():
@@ -84,30 +84,33 @@ class Module:
         """A text of its service control, whatever bytes it has sent."""
         return self.known.get((0, register), b"").rstrip(b"\0").decode(errors="replace")
 
-    def want(self, service: int, registers: Mapping[int, bytes]) -> None:
+    def keep(self, service: int, registers: Mapping[int, bytes]) -> None:
         """Keep registers at a value, as long as it is there."""
         for register, data in registers.items():
-            if self.wanted.get((service, register)) != data:
-                self.wanted[(service, register)] = data
+            if self.kept.get((service, register)) != data:
+                self.kept[(service, register)] = data
                 self._is_changed = True
 
-    def order(self, *packets: Packet) -> None:
+    def send_once(self, *packets: Packet) -> None:
         """Give commands once, with the next frame; bounded by what comes in between two frames."""
         self._orders += packets
         del self._orders[:-64]
 
-    def write_now(self) -> None:
-        """Write all that is wanted with the next poll, and do not wait for the gap."""
+    def write_at_once(self) -> None:
+        """Write all that is kept with the next poll, and do not wait for the gap."""
         self._is_changed, self._write_at = True, -inf
 
-    def hear(self, now: float) -> None:
+    def start_streaming(self, now: float) -> None:
         """Ask for its readings from now on."""
-        self.is_heard, self._stream_at, self._again_at = True, now, now
+        self.is_streaming, self._stream_at, self._again_at = True, now, now
 
-    def leave(self) -> None:
-        """Leave it alone."""
-        self.is_heard, self._stream_at, self._again_at = False, inf, inf
-        self.wanted.clear()
+    def release(self) -> None:
+        """Leave it alone, once what was decided is written: a safe value may be among it."""
+        if self._is_changed:
+            self.send_once(*self._writes())
+            self._is_changed = False
+        self.is_streaming, self._stream_at, self._again_at = False, inf, inf
+        self.kept.clear()
 
     def answered(self, register: Register, data: bytes) -> None:
         """A register has been reported."""
@@ -134,10 +137,10 @@ class Module:
                 self._asked += 1
                 self._ask_at = now + ASK_S
         if (self._is_changed and now >= self._write_at) or now >= self._again_at:
-            packets += [Packet(service, SET | register, data) for (service, register), data in self.wanted.items()]
+            packets += self._writes()
             self._is_changed = False
             self._write_at = now + LEAST_GAP_S
-            self._again_at = now + AGAIN_S if self.is_heard else inf
+            self._again_at = now + AGAIN_S if self.is_streaming else inf
         packets += self._orders
         self._orders.clear()
         if now >= self._stream_at:
@@ -148,6 +151,9 @@ class Module:
             ]
             self._stream_at = now + STREAM_S
         return packets
+
+    def _writes(self) -> list[Packet]:
+        return [Packet(service, SET | register, data) for (service, register), data in self.kept.items()]
 
     @property
     def deadline(self) -> float:

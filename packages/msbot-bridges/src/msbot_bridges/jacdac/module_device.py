@@ -65,28 +65,28 @@ class ModuleDevice(ForeignDevice):
     def begin(self, report: Report) -> None:
         """See `ForeignDevice`."""
         self._report = report
-        self.module.hear(time.monotonic())
+        self.module.start_streaming(time.monotonic())
         self._wake()
 
     def end(self) -> None:
         """See `ForeignDevice`."""
         self._report = None
-        self.module.leave()
+        self.module.release()
 
     def act(self, port: str, message: Message) -> None:
         """See `ForeignDevice`."""
         if self._is_stopping:
             return
         index, actuator = self._actuators[port]
-        self.module.want(index, actuator.write(message, self.module.registers(index)))
+        self.module.keep(index, actuator.write(message, self.module.registers(index)))
         if (order := actuator.tell(message)) is not None:
-            self.module.order(Packet(index, *order))
+            self.module.send_once(Packet(index, *order))
         self._wake()
 
     def set(self, name: str, value: Value) -> None:
         """See `ForeignDevice`."""
         index, setting = self._settings[name]
-        self.module.want(index, {setting.register: setting.form.write(float(value) / setting.scale)})
+        self.module.keep(index, {setting.register: setting.form.write(float(value) / setting.scale)})
         self._wake()
 
     def stop(self) -> None:
@@ -96,10 +96,10 @@ class ModuleDevice(ForeignDevice):
             self._unconfirmed = {}
             for index, actuator in self._actuators.values():
                 registers = actuator.stop(self.module.registers(index))
-                self.module.want(index, registers)
+                self.module.keep(index, registers)
                 self._unconfirmed |= {(index, register): data for register, data in registers.items()}
-        self.module.write_now()
-        self.module.order(*(Packet(index, GET | register) for index, register in self._unconfirmed))
+        self.module.write_at_once()
+        self.module.send_once(*(Packet(index, GET | register) for index, register in self._unconfirmed))
         self._wake()
 
     def go(self) -> None:
@@ -117,7 +117,7 @@ class ModuleDevice(ForeignDevice):
 
     def identify(self) -> None:
         """See `ForeignDevice`."""
-        self.module.order(Packet(0, IDENTIFY))
+        self.module.send_once(Packet(0, IDENTIFY))
         self._wake()
 
     def heard(self, service: int, register: int | None, event: int, data: bytes) -> None:

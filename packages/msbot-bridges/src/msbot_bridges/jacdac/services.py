@@ -39,7 +39,7 @@ MOST_PIXELS = 64
 
 
 @dataclass(frozen=True, slots=True)
-class Fixed:
+class FixedPoint:
     """A number with so many bits behind its point, as Jacdac writes `u0.16` or `i16.16`."""
 
     size: int
@@ -60,9 +60,14 @@ class Fixed:
         )
 
 
-BOOL, U16, U32, I32 = Fixed(1, 0), Fixed(2, 0), Fixed(4, 0), Fixed(4, 0, signed=True)
-U0_8, U0_16, I1_15 = Fixed(1, 8), Fixed(2, 16), Fixed(2, 15, signed=True)
-U16_16, I16_16, U22_10, I22_10 = Fixed(4, 16), Fixed(4, 16, signed=True), Fixed(4, 10), Fixed(4, 10, signed=True)
+BOOL, U16, U32, I32 = FixedPoint(1, 0), FixedPoint(2, 0), FixedPoint(4, 0), FixedPoint(4, 0, signed=True)
+U0_8, U0_16, I1_15 = FixedPoint(1, 8), FixedPoint(2, 16), FixedPoint(2, 15, signed=True)
+U16_16, I16_16, U22_10, I22_10 = (
+    FixedPoint(4, 16),
+    FixedPoint(4, 16, signed=True),
+    FixedPoint(4, 10),
+    FixedPoint(4, 10, signed=True),
+)
 
 Registers = Mapping[int, bytes]
 """Registers of one service by number."""
@@ -74,7 +79,7 @@ class ServiceSetting:
 
     name: str
     register: int
-    form: Fixed
+    form: FixedPoint
     kind: type[int] | type[float]
     default: float
     least: float
@@ -126,11 +131,11 @@ class Actuator(Service):
     """What it has to report, in words."""
 
 
-def _level(form: Fixed) -> Callable[[bytes, Registers], Message]:
+def _level(form: FixedPoint) -> Callable[[bytes, Registers], Message]:
     return lambda data, _: Level(percent=round(form.read(data) * 100, 2))
 
 
-def _level_sensor(name: str, words: str, form: Fixed = U0_16) -> Sensor:
+def _level_sensor(name: str, words: str, form: FixedPoint = U0_16) -> Sensor:
     return Sensor(name, words, settings=(INTERVAL,), message=Level, read=_level(form))
 
 
