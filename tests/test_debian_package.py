@@ -5,9 +5,11 @@ The clean system is a root made by mmdebstrap, kept between runs; it takes root,
 
 from __future__ import annotations
 
+import contextlib
 import os
 import re
 import shutil
+import signal
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -21,7 +23,7 @@ from tools.sources import ROOT
 
 UNITS = sorted(path.name for path in (*FILES.glob("*.service"), *FILES.glob("*.timer")))
 SUITE = "bookworm"
-INCLUDED = "python3,systemd,udev,iproute2"
+INCLUDED = "python3,systemd,systemd-sysv,udev,iproute2"
 NEEDED = bool(os.environ.get("MSBOT_NEED_DEB"))
 
 
@@ -90,8 +92,8 @@ def test_what_a_person_may_change_is_kept_by_dpkg() -> None:
 
 
 @pytest.fixture(scope="module")
-def root(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """A clean Debian."""
+def archive() -> Path:
+    """A clean Debian, packed."""
     if os.geteuid() != 0 or not all(map(shutil.which, ("mmdebstrap", "dpkg-deb", "chroot"))):
         if NEEDED:
             pytest.fail("MSBOT_NEED_DEB is set, and there is no mmdebstrap, dpkg-deb or chroot, or this is not root")
@@ -106,8 +108,15 @@ def root(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         if done.returncode:
             kept.unlink(missing_ok=True)
             pytest.skip(f"mmdebstrap made no {SUITE}: {done.stderr.strip().splitlines()[-1]}")
-    folder = tmp_path_factory.mktemp("root")
-    subprocess.run(["tar", "--extract", "--file", str(kept), "--directory", str(folder)], check=True)
+    return kept
+
+
+@pytest.fixture
+def root(archive: Path, tmp_path: Path) -> Iterator[Path]:
+    """The clean Debian."""
+    folder = tmp_path / "root"
+    folder.mkdir(mode=0o755)
+    subprocess.run(["tar", "--extract", "--file", str(archive), "--directory", str(folder)], check=True)
     (folder / "dev/shm").mkdir(exist_ok=True)  # a system that was started has it
     (folder / "dev/shm").chmod(0o1777)
     yield folder
@@ -206,3 +215,67 @@ def test_install_upgrade_remove_purge(root: Path, packages: list[Path]) -> None:
         (root / f"{number}.deb").unlink()
     assert {path for path in files(root) - before if not path.startswith("etc/")} == set()
     assert {path for path in files(root) - before if path.startswith("etc/msbot")} == set()
+
+
+TRIAL = """#!/bin/bash
+exec >/dev/console 2>&1
+well() { for i in $(seq 150); do
+    python3 -c 'import urllib.request as r; r.urlopen("http://127.0.0.1:8080/api/health")' 2>/dev/null && break
+    sleep 0.5; done; echo "$1: $(systemctl is-active msbot-master)"; }
+systemctl enable --now msbot-master msbot-backup.timer
+well started
+systemctl kill --signal KILL msbot-master
+sleep 1
+well killed
+echo "restarts: $(systemctl show msbot-master --property NRestarts --value)"
+systemctl start msbot-backup
+echo "backups: $(ls /var/lib/msbot/backups | wc -l)"
+msbot stop | grep -o 'STOP holds'
+systemctl start msbot-standby
+echo "beside a standby: $(systemctl is-active msbot-master)"
+systemctl start msbot-agent
+for i in $(seq 100); do journalctl -u msbot-agent | grep -q 'agent on udp' && break; sleep 0.5; done
+echo "agent: $(systemctl is-active msbot-agent)"
+echo TRIAL-END
+systemctl poweroff --force --force
+"""
+UNIT = "[Unit]\nAfter=multi-user.target\n[Service]\nExecStart=/trial\n"
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1200)
+def test_services_run_under_systemd(root: Path, packages: list[Path], tmp_path: Path) -> None:
+    """A machine with a kernel and a systemd of its own (User-Mode Linux) starts them, confined as they are."""
+    ready = subprocess.run([ROOT / "tools/run-in-vm.sh", "--ready", "uml"], check=False)
+    kernel = Path(os.environ.get("MSBOT_VM_CACHE") or Path.home() / ".cache/msbot-vm") / "uml/usr/bin/linux.uml"
+    if ready.returncode or not kernel.exists() or shutil.which("mke2fs") is None:
+        pytest.skip("it takes a virtual machine and mke2fs: make vm; apt-get install e2fsprogs")
+    shutil.copy(packages[0], root / "0.deb")
+    inside(root, "dpkg", "--force-unsafe-io", "--install", "/0.deb")
+    (root / "0.deb").unlink()
+    (root / "trial").write_text(TRIAL)
+    (root / "trial").chmod(0o755)
+    wanted = root / "etc/systemd/system/multi-user.target.wants"
+    wanted.mkdir(parents=True, exist_ok=True)
+    (wanted.parent / "trial.service").write_text(UNIT)
+    (wanted / "trial.service").symlink_to("../trial.service")
+    disk = tmp_path / "disk"
+    with disk.open("wb") as file:
+        file.truncate(2 << 30)
+    subprocess.run(["mke2fs", "-q", "-t", "ext4", "-d", str(root), str(disk)], check=True)
+    command = [str(kernel), "mem=1200M", f"ubd0={disk}", "root=/dev/ubda", "rw", "init=/lib/systemd/systemd"]
+    command += ["con=null", "con0=null,fd:1", "quiet"]
+    log = tmp_path / "log"
+    with log.open("wb") as output:
+        machine = subprocess.Popen(
+            command, stdin=subprocess.DEVNULL, stdout=output, stderr=subprocess.STDOUT, start_new_session=True
+        )
+        try:
+            machine.wait(900)
+        finally:
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(machine.pid, signal.SIGKILL)
+    said = log.read_text("utf-8", "replace")
+    for line in ("started: active", "killed: active", "restarts: 1", "backups: 1", "STOP holds", "agent: active"):
+        assert line in said, said
+    assert "beside a standby: inactive" in said  # two masters of one computer would be one too many
