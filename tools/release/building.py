@@ -41,6 +41,8 @@ def build(tree: Path, into: Path, epoch: int) -> list[Path]:
     environment = {**os.environ, "SOURCE_DATE_EPOCH": str(epoch), "PYTHONDONTWRITEBYTECODE": "1"}
     pages = [sys.executable, "tools/man_pages.py"]
     subprocess.run(pages, cwd=tree, env=environment, check=True)
+    # What the commands say of themselves comes from the commands installed here: the same commit, as the tree is clean.
+    subprocess.run([sys.executable, tree / "tools/man_pages.py"], env=environment, check=True)
     for name in DISTRIBUTIONS:
         _hatchling(tree / "packages" / name, into, environment, "--target", "sdist", "--target", "wheel")
     return sorted(into.iterdir())
