@@ -46,8 +46,8 @@ def environment(site: Site) -> dict[str, str]:
     return {**os.environ, "MSBOT_PAGE": site.base, "MSBOT_TOKEN": site.tokens["teacher"]}
 
 
-def test_the_python_example_stands_in_the_how_to_and_runs(site: Site) -> None:
-    assert EXAMPLE.read_text() in HOW_TO
+def test_the_python_example_of_the_how_to_runs(site: Site) -> None:
+    assert "`examples/page/ask.py`" in HOW_TO
     done = subprocess.run(
         [sys.executable, EXAMPLE], env=environment(site), capture_output=True, text=True, timeout=60, check=True
     )
