@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from itertools import islice
 from random import SystemRandom
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 from click.shell_completion import CompletionItem
@@ -83,8 +83,11 @@ def list_faults(db: str | None, robot: str | None, *, answers: bool, as_json: bo
         click.echo(json.dumps(found))
         return
     faults = found.get("faults")
-    lines = list(_lines(faults if isinstance(faults, list) else []))
-    click.echo("\n".join(lines) if lines else "No fault is planted: `msbot fault kinds` says what there is.")
+    rows = [_row(fault) for fault in faults] if isinstance(faults, list) else []
+    if rows:
+        print_table(("fault", "planted by", "state", "what goes wrong"), rows)
+    else:
+        click.echo("No fault is planted: `msbot fault kinds` says what there is.")
 
 
 @fault_command.command("clear")
@@ -138,19 +141,17 @@ def _kind_row(kind: FaultKind) -> tuple[str, str, str]:
     return f"{kind.name}{' SLOT' if kind.at_part else ''}", kind.acts.value, f"{kind.words}{strength}{more}"
 
 
-def _lines(faults: Iterable[Mapping[str, object]]) -> Iterable[str]:
-    for fault in faults:
-        if fault.get("concealed"):
-            yield f"{fault['number']:>3}  {fault['words']}"
-            continue
-        if fault["active"]:
-            state = f"there since {fault['since_s']:.0f} s, {fault['left_s']:.0f} s left"
-        elif fault["begins_in_s"] is not None:
-            state = f"begins in {fault['begins_in_s']:.0f} s"
-        else:
-            state = f"waits{' until ' + str(fault['when']) if fault['when'] else ' for its chance'}"
-        hidden = ", hidden" if fault["hidden"] else ""
-        yield f"{fault['number']:>3}  {fault['words']}\n     {state}; planted by {fault['who']}{hidden}"
+def _row(fault: Mapping[str, Any]) -> tuple[str, ...]:
+    number, words = str(fault["number"]), str(fault["words"])
+    if fault.get("concealed"):
+        return number, "-", "-", words
+    if fault["active"]:
+        state = f"there for {fault['since_s']:.0f} s, {fault['left_s']:.0f} s left"
+    elif fault["begins_in_s"] is not None:
+        state = f"begins in {fault['begins_in_s']:.0f} s"
+    else:
+        state = f"waits{' until ' + str(fault['when']) if fault['when'] else ' for its chance'}"
+    return number, str(fault["who"]), f"{state}{', hidden' if fault['hidden'] else ''}", words
 
 
 # `msbot quiz`: decode it yourself.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +13,7 @@ from msbot.cli.change.robot_access import database_to_read, perform, say, until_
 from msbot.cli.robot_options import mistakes_told, robot_and_json_options, robot_options
 from msbot_agent.cli.group import complain
 from msbot_agent.cli.options import json_option
-from msbot_agent.cli.table import print_table
+from msbot_agent.cli.table import for_terminal, print_table
 from msbot_school.cli.teaching_service import lessons_option
 from msbot_xrce.counting import amount
 
@@ -111,7 +111,7 @@ def status(db: str | None, robot: str | None, *, as_json: bool) -> None:
     if found.get("lesson") is None:
         click.echo("No lesson runs: `msbot lesson start NAME` begins one, `msbot lesson list` shows them.")
         return
-    click.echo("\n".join(_lines(found)))
+    _show_status(found)
 
 
 @command.command("report")
@@ -149,18 +149,21 @@ def _shared(row: LessonProgress) -> str:
     return f", {row.own} alone, {shared} with {', '.join(row.partners)}" if shared else ""
 
 
-def _lines(found: Mapping[str, Any]) -> Iterable[str]:
-    yield f"{found['title']}: begun by {found['who']}, {found['since_s']:.0f} s ago"
-    for one in found["checks"]:
-        ticked = one["ticked"]
-        whose = f" ({', '.join(ticked)})" if ticked else ""
-        yield f"  {'[x]' if ticked else '[ ]'} {one['check']}  {one['says']}{whose}"
-    for one in found["progress"]:
-        state = "done" if one["done"] else f"{len(one['ticked'])} of {len(found['checks'])}"
-        hint = one["hint"]
-        stuck = "" if hint is None else f"; stuck at {hint['check']}: {hint['seen']}. {hint['look']}"
-        yield f"{one['person']}: {state}{stuck}"
+def _show_status(found: Mapping[str, Any]) -> None:
+    click.echo(for_terminal(f"{found['title']}: begun by {found['who']}, {found['since_s']:.0f} s ago"))
+    checks = [(one["check"], ", ".join(one["ticked"]) or "-", one["says"]) for one in found["checks"]]
+    if checks:
+        print_table(("check", "ticked by", "what it asks for"), checks)
+    if found["progress"]:
+        click.echo()
+        print_table(("who", "checks", "stuck at"), [_progress(one, len(checks)) for one in found["progress"]])
     if not found["people"]:
-        yield "Nobody takes part."
+        click.echo("Nobody takes part.")
     if found.get("done"):
-        yield "All done. `msbot lesson stop` puts the robot back."
+        click.echo("All done. `msbot lesson stop` puts the robot back.")
+
+
+def _progress(one: Mapping[str, Any], checks: int) -> tuple[str, ...]:
+    hint = one["hint"]
+    stuck = "-" if hint is None else f"{hint['check']}: {hint['seen']}. {hint['look']}"
+    return one["person"], "done" if one["done"] else f"{len(one['ticked'])} of {checks}", stuck

@@ -7,7 +7,7 @@ import json
 import os
 import sys
 import time
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
@@ -19,7 +19,7 @@ from msbot.cli.database_place import existing_database
 from msbot.cli.robot_options import db_option, library_option, robot_and_json_options, robot_options, user_name
 from msbot.operations.rights import Role, role_named
 from msbot_agent.cli.options import json_option
-from msbot_agent.cli.table import print_table
+from msbot_agent.cli.table import for_terminal, print_table
 from msbot_agent.process.end_signals import run_to_end
 from msbot_agent.text.untrusted_input import open_input_file
 from msbot_xrce.counting import amount
@@ -324,7 +324,7 @@ def list_pupils(db: str | None, robot: str | None, *, as_json: bool) -> None:
     if as_json:
         click.echo(json.dumps(found))
         return
-    click.echo("\n".join(_lines(found)))
+    _show_pupils(found)
 
 
 @pupils_command.command("freeze")
@@ -377,16 +377,23 @@ def ungroup(group: str, db: str | None, robot: str | None) -> None:
     say(db, robot, "remove_group", {"group": group})
 
 
-def _lines(found: Mapping[str, Any]) -> Iterable[str]:
+def _show_pupils(found: Mapping[str, Any]) -> None:
     frozen = found["frozen"]
     if frozen is not None:
-        yield f"FROZEN by {frozen['by']}{': ' if frozen['reason'] else ''}{frozen['reason']}"
-    for one in found["groups"]:
-        pupils, slots = ", ".join(one["pupils"]) or "nobody", ", ".join(one["slots"]) or "no slots"
-        yield f"{one['group']}: {pupils} ({slots})"
-    for one in found["pupils"]:
-        where = ", ".join(one["slots"]) or ("a program without a slot" if one["runs"] else "no program")
-        hand = "" if one["hand_s"] is None else f"  hand up for {one['hand_s']:.0f} s"
-        yield f"{one['pupil']:<20}{where}{'  held: ' if one['held'] else ''}{one['held']}{hand}"
-    if not found["pupils"]:
-        yield "No pupil is here, and no group has any: `msbot pupils group` makes one, the page Pupils makes accounts."
+        click.echo(for_terminal(f"FROZEN by {frozen['by']}{': ' if frozen['reason'] else ''}{frozen['reason']}"))
+    if found["groups"]:
+        rows = [(one["group"], ", ".join(one["slots"]) or "-", ", ".join(one["pupils"])) for one in found["groups"]]
+        print_table(("group", "slots", "pupils"), rows)
+        click.echo()
+    if found["pupils"]:
+        print_table(("pupil", "program", "hand up", "held"), [_pupil(one) for one in found["pupils"]])
+    else:
+        words = (
+            "No pupil is here, and no group has any: `msbot pupils group` makes one, the page Pupils makes accounts."
+        )
+        click.echo(for_terminal(words))
+
+
+def _pupil(one: Mapping[str, Any]) -> tuple[str, ...]:
+    where = ", ".join(one["slots"]) or ("without a slot" if one["runs"] else "-")
+    return one["pupil"], where, "-" if one["hand_s"] is None else f"{one['hand_s']:.0f} s", one["held"] or "-"
