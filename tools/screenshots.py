@@ -105,7 +105,12 @@ def _a_class(page: Page) -> None:
         desk.get_by_role("button", name="Run", exact=True).click()
         desk.locator("#ms-prog-state[data-state=active]").wait_for()
     page.get_by_text("program in program_Blue").wait_for()
+    for close in (
+        page.locator(".q-notification").get_by_role("button").all()
+    ):  # one who asks is told of until it is seen
+        close.click()
     page.locator(".q-notification").first.wait_for(state="hidden")
+    page.evaluate("window.scrollTo(0, 0)")
 
 
 def _sign_in(page: Page, address: str, name: str, password: str) -> None:
