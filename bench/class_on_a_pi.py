@@ -36,6 +36,7 @@ from msbot_xrce.lazy import dataclass
 
 READY_S = 300.0
 SETTLE_S = 5.0
+GO_S = 30.0
 ROUNDS = 5
 """Of freeze, and of STOP."""
 GOALS = {
@@ -154,9 +155,21 @@ async def _stops(site: Site, parts: int) -> tuple[list[float], list[float], int]
         assert isinstance(known, list)
         confirmed.append(max((float(one["ms"]) for one in known), default=float("inf")))
         silent += parts - len(known)
-        await asyncio.to_thread(site.do, "POST", "/go", stop=stop["number"])
+        await _go(site, stop["number"])
         await asyncio.sleep(1.0)
     return answered, confirmed, silent
+
+
+async def _go(site: Site, number: object) -> None:
+    """Say GO until it is heard: a part that has been late may still say STOP itself."""
+    end = time.monotonic() + GO_S
+    while True:
+        answer = await asyncio.to_thread(site.client.post, "/api/go", json={"stop": number})
+        if answer.status_code == httpx.codes.OK:
+            return
+        if time.monotonic() > end:
+            raise SystemExit(f"GO is refused: {answer.text}")
+        await asyncio.sleep(0.5)
 
 
 def _middle(values: list[float]) -> str:
