@@ -57,12 +57,19 @@ def register(service: Service) -> None:
 
 def _summary(page: Page) -> None:
     line = ui.html("", sanitize=False).classes("soft w-full")
+    shown: dict[str, object] = {}
 
     def show() -> None:
         robot = page.sight.robot()
         counts: dict[str, int] = {}
         for card in robot.slots:
             counts[card.state] = counts.get(card.state, 0) + 1
+        first = robot.slots[0].part_number if robot.slots else ""
+        whose = (robot.version, robot.serial_number, robot.manufacturer, *robot.links)
+        wanted = (page.is_past, whose, first, tuple(counts.items()))
+        if wanted == shown.get("wanted"):
+            return
+        shown["wanted"] = wanted
         chips = [
             state_chip(state, page.translate("{count} {state}", count=count, state=page.translate(state)))
             for state, count in counts.items()
