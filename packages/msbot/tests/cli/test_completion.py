@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 from click.shell_completion import BashComplete
 
+from msbot.cli import completers
 from msbot.cli.completers import in_time
 from msbot.config import SAMPLES, load_library, parse_blueprint
 from msbot.registry import open_registry
@@ -85,6 +86,25 @@ ROBOT_WORDS = [
 def test_names_of_the_robot_are_completed(words: str, wanted: set[str], robot: Path) -> None:
     assert robot.exists()
     assert completed(words) == wanted
+
+
+@pytest.mark.parametrize(
+    ("words", "wanted"),
+    [
+        ("set --db {} fa", {"fan"}),
+        ("set --db {} fan st", {"start_at"}),
+        ("parts --db {} --robot RO", {"ROVER"}),
+        ("topic echo --db {} fan", {"fan_power"}),
+        ("publish --db {} fan.", {"fan.power"}),
+    ],
+)
+def test_a_database_that_is_no_file_has_the_same_names(
+    words: str, wanted: set[str], robot: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As at PostgreSQL: through the registry."""
+    monkeypatch.setattr(completers, "PATIENCE_SERVER_S", 60.0)
+    assert completed(f"msbot {words.format(f'sqlite:///{robot}/robot.db')}") == wanted
+    assert completed(f"msbot {words.format('postgresql://nobody@127.0.0.1:1/none')}") == set()
 
 
 def completed(words: str) -> set[str]:

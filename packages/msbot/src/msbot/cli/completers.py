@@ -1,7 +1,7 @@
 """What a shell completes besides commands and options: the names that a robot has, and those of part types.
 
-Click calls these when somebody presses Tab. They look into the database that the command would use, with Python's own
-sqlite3, and never say what is wrong: where nothing can be found in time, nothing is completed.
+Click calls these when somebody presses Tab. They look into the database that the command would use, a file with
+Python's own sqlite3, and never say what is wrong: where nothing can be found in time, nothing is completed.
 """
 
 from __future__ import annotations
@@ -18,25 +18,28 @@ import click
 from click.shell_completion import CompletionItem
 
 if TYPE_CHECKING:
-    from msbot.registry import RobotRecord
+    from msbot.registry import Registry, RobotRecord
     from msbot.registry.read_only_database import ReadOnlyDatabase
 
 PATIENCE_S = 0.25
 """Whoever presses Tab waits no longer for names."""
+PATIENCE_SERVER_S = 2.0
+"""The same where the database is at a server: SQLAlchemy and a driver are imported before."""
 MOST_NAMES = 500
 _PLAIN = re.compile(r"[\w.:@%/+,=-]{1,100}")
 """Names that no shell takes for more than one word, or for something to do; others are not completed."""
 
-Names = Callable[["ReadOnlyDatabase", "RobotRecord", click.Context], Iterable[str]]
+Names = Callable[["ReadOnlyDatabase | _Server", "RobotRecord", click.Context], Iterable[str]]
 Completer = Callable[[click.Context, click.Parameter, str], list[CompletionItem]]
 
 
-def in_time(find: Callable[[], Iterable[str]], incomplete: str) -> list[CompletionItem]:
+def in_time(find: Callable[[], Iterable[str]], incomplete: str, patience_s: float = PATIENCE_S) -> list[CompletionItem]:
     """The names that begin like that, as far as they are found in time.
 
     Args:
         find: finds all names; it runs in a thread, which is left behind when it takes too long.
         incomplete: what is typed already; case does not matter.
+        patience_s: how long is waited for them.
     """
     found = list[str]()
 
@@ -46,27 +49,53 @@ def in_time(find: Callable[[], Iterable[str]], incomplete: str) -> list[Completi
 
     worker = threading.Thread(target=look, daemon=True)
     worker.start()
-    worker.join(PATIENCE_S)
+    worker.join(patience_s)
     begins = incomplete.casefold()
     names = [one for one in dict.fromkeys(found) if _PLAIN.fullmatch(one) and one.casefold().startswith(begins)]
     return [CompletionItem(one) for one in names[:MOST_NAMES]]
 
 
 def _of_robots(names: Names, context: click.Context, _: click.Parameter, incomplete: str) -> list[CompletionItem]:
-    return in_time(lambda: _look(names, context), incomplete)
+    database = _database(context)
+    patience_s = PATIENCE_SERVER_S if "://" in database else PATIENCE_S
+    return in_time(lambda: _look(names, context, database), incomplete, patience_s)
 
 
-def _look(names: Names, context: click.Context) -> Iterator[str]:
+def _look(names: Names, context: click.Context, database: str) -> Iterator[str]:
     from msbot.registry.read_only_database import look_into
 
-    look = look_into(_database(context))
-    if look is None:
+    if "://" in database:
+        from msbot.registry import open_registry
+
+        with open_registry(database, read_only=True) as registry:
+            yield from _names_in(_Server(registry), names, context)
         return
-    with look:
-        wanted = context.params.get("robot")
-        for robot in look.robots():
-            if names is _robots or wanted in (None, robot.name, robot.serial_number):
-                yield from names(look, robot, context)
+    look = look_into(database)
+    if look is not None:
+        with look:
+            yield from _names_in(look, names, context)
+
+
+def _names_in(look: ReadOnlyDatabase | _Server, names: Names, context: click.Context) -> Iterator[str]:
+    wanted = context.params.get("robot")
+    for robot in look.robots():
+        if names is _robots or wanted in (None, robot.name, robot.serial_number):
+            yield from names(look, robot, context)
+
+
+class _Server:
+    """What is asked of a `ReadOnlyDatabase`, of a database that is no file."""
+
+    def __init__(self, registry: Registry) -> None:
+        self._registry = registry
+        self.robots = registry.robots.all
+        self.slot_names = registry.robots.slot_names
+        self.parts = registry.robots.parts
+        self.slot_types = registry.robots.slot_types
+
+    def topics(self, robot: RobotRecord) -> list[str]:
+        """Its topics."""
+        return list(self._registry.robots.blueprint(robot).topics())
 
 
 def _database(context: click.Context) -> str:
@@ -83,15 +112,15 @@ def _database(context: click.Context) -> str:
     return masters[0].details["database"] if len(masters) == 1 else here
 
 
-def _robots(_: ReadOnlyDatabase, robot: RobotRecord, __: click.Context) -> Iterable[str]:
+def _robots(_: ReadOnlyDatabase | _Server, robot: RobotRecord, __: click.Context) -> Iterable[str]:
     return robot.name, robot.serial_number
 
 
-def _slots(look: ReadOnlyDatabase, robot: RobotRecord, _: click.Context) -> Iterable[str]:
+def _slots(look: ReadOnlyDatabase | _Server, robot: RobotRecord, _: click.Context) -> Iterable[str]:
     return look.slot_names(robot)
 
 
-def _parts(look: ReadOnlyDatabase, robot: RobotRecord, _: click.Context) -> Iterable[str]:
+def _parts(look: ReadOnlyDatabase | _Server, robot: RobotRecord, _: click.Context) -> Iterable[str]:
     yield from look.slot_names(robot)
     for part in look.parts(robot):
         yield part.name
@@ -99,20 +128,20 @@ def _parts(look: ReadOnlyDatabase, robot: RobotRecord, _: click.Context) -> Iter
             yield part.uid.hex()
 
 
-def _part_numbers(look: ReadOnlyDatabase, robot: RobotRecord, _: click.Context) -> Iterable[str]:
+def _part_numbers(look: ReadOnlyDatabase | _Server, robot: RobotRecord, _: click.Context) -> Iterable[str]:
     return (part.part_number for part in look.parts(robot))
 
 
-def _topics(look: ReadOnlyDatabase, robot: RobotRecord, _: click.Context) -> Iterable[str]:
+def _topics(look: ReadOnlyDatabase | _Server, robot: RobotRecord, _: click.Context) -> Iterable[str]:
     return look.topics(robot)
 
 
-def _ports(look: ReadOnlyDatabase, robot: RobotRecord, _: click.Context) -> Iterable[str]:
+def _ports(look: ReadOnlyDatabase | _Server, robot: RobotRecord, _: click.Context) -> Iterable[str]:
     for slot, ports, _parameters in look.slot_types(robot):
         yield from (f"{slot}.{port}" for port in ports)
 
 
-def _parameters(look: ReadOnlyDatabase, robot: RobotRecord, context: click.Context) -> Iterable[str]:
+def _parameters(look: ReadOnlyDatabase | _Server, robot: RobotRecord, context: click.Context) -> Iterable[str]:
     wanted = str(context.params.get("slot") or "").casefold()
     for slot, _ports, parameters in look.slot_types(robot):
         if slot.casefold() == wanted:

@@ -13,7 +13,7 @@ from msbot.registry.blueprint import blueprint_reader, blueprint_store
 from msbot.registry.database import statements
 from msbot.registry.database.statements import journal_entry, list_robots
 from msbot.registry.database.storage import Storage
-from msbot.registry.database.tables import edits, journal, parts, robots, slots
+from msbot.registry.database.tables import edits, journal, library, parts, robots, slots
 from msbot.registry.edits import slot_values, undo
 from msbot.registry.read_only_database import without_master
 from msbot.registry.records import EditRecord, JournalEntry, PartRecord, RobotRecord, ValueRecord
@@ -137,6 +137,17 @@ class Robots:
     def slot_names(self, robot: RobotRecord) -> list[str]:
         """The slots of the robot's blueprint, in its order."""
         return [slot.name for slot in self._storage.read(partial(statements.list_slots, robot_id=robot.id))]
+
+    def slot_types(self, robot: RobotRecord) -> list[tuple[str, list[str], list[str]]]:
+        """Each slot of the robot's blueprint with the names of its ports and parameters, as the library has them."""
+        query = (
+            select(slots.c.name, library.c.ports, library.c.parameters)
+            .join(library, library.c.number == slots.c.part_number)
+            .where(slots.c.robot_id == robot.id, slots.c.in_blueprint)
+            .order_by(slots.c.position)
+        )
+        rows = self._storage.read(lambda connection: connection.execute(query).all())
+        return [(name, [one["name"] for one in ports], [one["name"] for one in named]) for name, ports, named in rows]
 
     def values(self, robot: RobotRecord, slot: str) -> tuple[ValueRecord, ...]:
         """The parameters of a slot, their values, and where these come from.
