@@ -26,6 +26,7 @@ def rooms_of_classes() -> dict[str, set[str]]:
 
 
 SHARED_ON_PURPOSE = {
+    "Fit": {"bridge", "web"},  # what a world says of a message; the same, as the page asks for it without bridges
     "Header": {"ros2", "xrce"},  # ROS' message std_msgs/Header; the header of a DDS-XRCE message
     "Number": {"part"},  # the standard message; the type of a number in a message: students write both
     "Temperature": {"part", "ros2"},  # the standard message; ROS' sensor_msgs/Temperature

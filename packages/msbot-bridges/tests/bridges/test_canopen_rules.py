@@ -8,11 +8,11 @@ import pytest
 
 from msbot.part.messages.standard import Switch, Temperature
 from msbot_bridges.bridge import BridgeLink
-from msbot_bridges.canopen.channels import analogue, bits_of, by_unit
 from msbot_bridges.canopen.drive_states import DriveState, SetPoints, controlword, state_of
 from msbot_bridges.canopen.emergency_words import emergency_words
 from msbot_bridges.canopen.objects import CONTROLWORD, MODE, TARGET_VELOCITY, Entry
 from msbot_bridges.canopen.pdo_layout import PdoLayout, distribute, mapped_entries
+from msbot_bridges.canopen.port_mappings import analogue, bits_of, by_unit
 from msbot_bridges.canopen.world import WORLD
 from msbot_xrce.errors import ConfigError
 

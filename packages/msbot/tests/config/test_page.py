@@ -73,6 +73,11 @@ follows = "c"
 port = "r"
 fields = { on = "d" }
 """
+BRIDGE = """
+[[bridge]]
+world = "canopen"
+link = "socketcan:can0"
+"""
 FREE = {"safe", "ranges", "settings", "fields", "units", "pins"}
 """Tables whose keys are names that the writer of a file chooses."""
 
@@ -111,7 +116,7 @@ def asked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> set[tuple[str, str
     library = load_library(folder)
     asked = {(table or "Part type", key) for table, key in asked}
     path = tmp_path / "robot.toml"
-    path.write_text(SAMPLE_ROBOT_TOML)
+    path.write_text(SAMPLE_ROBOT_TOML + BRIDGE)
     load_blueprint(path, library)
     tables = {table for table, _ in asked}
     assert {"", "Part type", "robot", "timing", "options", "slot", "binding", "pin", "port", "parameter"} <= tables

@@ -26,7 +26,7 @@ from msbot_bridges.canopen.eds_folder import EdsFolder
 from msbot_bridges.canopen.node_description import NodeDescription, ask_node
 from msbot_bridges.canopen.objects import Entry
 from msbot_bridges.canopen.pdo_layout import PdoLayout
-from msbot_bridges.canopen.sdo_requests import Refused, SdoRequests
+from msbot_bridges.canopen.sdo_requests import SdoRefused, SdoRequests
 from msbot_xrce.errors import ConfigError, LinkDown
 
 BEAT_S: Final = 0.25
@@ -159,7 +159,7 @@ class CanopenBus:
         def ask() -> None:
             try:
                 found = ask_node(self._node(node_id), self._folder)
-            except (SdoCommunicationError, SdoAbortedError, Refused, ConfigError, can.CanError) as error:
+            except (SdoCommunicationError, SdoAbortedError, SdoRefused, ConfigError, can.CanError) as error:
                 found = f"node {node_id} cannot be asked who it is: {error}"
             self._questions.tell(partial(then, found))
 
@@ -180,7 +180,7 @@ class CanopenBus:
         def configure() -> None:
             try:
                 set_up = device.configure(SdoRequests(self._node(device.node_id)))
-            except (SdoCommunicationError, Refused, can.CanError) as error:
+            except (SdoCommunicationError, SdoRefused, can.CanError) as error:
                 words = f"node {device.node_id} cannot be set up: {error}"
                 self._questions.tell(partial(device.failed, words))
             else:
@@ -199,7 +199,7 @@ class CanopenBus:
             try:
                 ask = SdoRequests(self._node(device.node_id))
                 values = {entry: value for entry in entries if (value := ask.number(entry)) is not None}
-            except (SdoCommunicationError, Refused, can.CanError) as error:
+            except (SdoCommunicationError, SdoRefused, can.CanError) as error:
                 _log.debug("%s: %s", self._address, error)  # it is asked again, or found to be lost
             self._questions.tell(partial(self._has_read, device, values))
 
@@ -211,7 +211,7 @@ class CanopenBus:
         def write() -> None:
             try:
                 SdoRequests(self._node(device.node_id)).write(entry, value)
-            except (SdoCommunicationError, Refused) as error:
+            except (SdoCommunicationError, SdoRefused) as error:
                 _log.warning("%s: %s was not written: %s", self._address, entry.where, error)
 
         self._questions.post(write)

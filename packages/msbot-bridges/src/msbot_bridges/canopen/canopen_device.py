@@ -98,7 +98,7 @@ class CanopenDevice(ForeignDevice):
         """Map PDOs; called in a thread, may wait.
 
         Raises:
-            Refused: the device does not take it.
+            SdoRefused: the device does not take it.
         """
 
     @abstractmethod

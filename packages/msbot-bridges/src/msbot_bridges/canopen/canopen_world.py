@@ -10,9 +10,9 @@ from msbot_bridges.bridge import World, WorldHost
 from msbot_bridges.canopen import objects
 from msbot_bridges.canopen.canopen_bus import EMERGENCY, HEARTBEAT, CanopenBus
 from msbot_bridges.canopen.canopen_device import CanopenDevice
-from msbot_bridges.canopen.channel_device import ChannelDevice
 from msbot_bridges.canopen.drive_device import DriveDevice
 from msbot_bridges.canopen.eds_folder import EdsFolder
+from msbot_bridges.canopen.mapped_device import MappedDevice
 from msbot_bridges.canopen.node_description import NodeDescription
 
 LOOK_S: Final = 0.1
@@ -129,7 +129,7 @@ class CanopenWorld(World):
                 node.told = found
                 self._host.say(found)
             return
-        make = ChannelDevice if found.drive is None else DriveDevice
+        make = MappedDevice if found.drive is None else DriveDevice
         node.device = make(found, self._bus, self._host.news)
         if found.left_out:
             self._host.say(f"node {node.node_id}: {found.left_out} of its ports left out for want of room")

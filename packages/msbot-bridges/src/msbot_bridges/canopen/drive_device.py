@@ -14,7 +14,7 @@ from msbot_bridges.canopen.drive_states import POWERLESS, DriveState, SetPoints,
 from msbot_bridges.canopen.node_description import NodeDescription
 from msbot_bridges.canopen.objects import Entry
 from msbot_bridges.canopen.pdo_layout import distribute
-from msbot_bridges.canopen.sdo_requests import Refused, SdoRequests
+from msbot_bridges.canopen.sdo_requests import SdoRefused, SdoRequests
 
 REPORT_MS: Final = 100
 STANDS_RPM: Final = 1.0
@@ -67,7 +67,7 @@ class DriveDevice(CanopenDevice):
             entries = (objects.CONTROLWORD, objects.MODE, _TARGETS[mode])
             try:
                 orders.append(ask.map_pdo(number, entries, is_sent=False))
-            except Refused:
+            except SdoRefused:
                 if len(self._facts.modes) > 1:
                     raise  # the mode has to change while it runs
                 orders.append(ask.map_pdo(number, (objects.CONTROLWORD, _TARGETS[mode]), is_sent=False))

@@ -9,12 +9,12 @@ from canopen import RemoteNode
 
 from msbot_bridges.bridge import DeviceIdentity, DeviceSetting
 from msbot_bridges.canopen import objects
-from msbot_bridges.canopen.channels import Channel, analogue, bits_of, by_unit
 from msbot_bridges.canopen.eds_folder import DataSheet, EdsFolder, slug
 from msbot_bridges.canopen.emergency_words import emergency_words
 from msbot_bridges.canopen.objects import Entry, SettingEntry
 from msbot_bridges.canopen.pdo_layout import PdoLayout
-from msbot_bridges.canopen.sdo_requests import Refused, SdoRequests
+from msbot_bridges.canopen.port_mappings import PortMapping, analogue, bits_of, by_unit
+from msbot_bridges.canopen.sdo_requests import SdoRefused, SdoRequests
 from msbot_xrce.lazy import dataclass
 
 MOST_PORTS: Final = 32
@@ -50,9 +50,9 @@ class NodeDescription:
     heartbeat_ms: int
     """0: it sends none."""
     drive: DriveFacts | None = None
-    heard: list[Channel] = field(default_factory=list)
+    heard: list[PortMapping] = field(default_factory=list)
     """What it reports."""
-    told: list[Channel] = field(default_factory=list)
+    told: list[PortMapping] = field(default_factory=list)
     """What it is told."""
     reports: tuple[PdoLayout, ...] = ()
     """PDOs that it has already: for devices of no known profile."""
@@ -70,13 +70,13 @@ def ask_node(node: RemoteNode, folder: EdsFolder) -> NodeDescription | str:
 
     Raises:
         SdoCommunicationError: it does not answer.
-        Refused: it does not tell what every device must.
+        SdoRefused: it does not tell what every device must.
     """
     ask = SdoRequests(node)
     device_type = ask.number(objects.DEVICE_TYPE)
     vendor = ask.number(objects.VENDOR)
     if device_type is None or vendor is None:
-        raise Refused(f"node {node.id} does not say what it is (0x1000, 0x1018)")
+        raise SdoRefused(f"node {node.id} does not say what it is (0x1000, 0x1018)")
     product, revision, serial = (ask.number(one) or 0 for one in (objects.PRODUCT, objects.REVISION, objects.SERIAL))
     sheet = folder.find(vendor, product, node.id)
     profile = device_type & 0xFFFF
@@ -99,7 +99,7 @@ def ask_node(node: RemoteNode, folder: EdsFolder) -> NodeDescription | str:
             return f"node {node.id}: its drive has neither the mode profile velocity nor profile position with a scale"
         settings = list(objects.DRIVE_SETTINGS)
     elif profile == INPUTS_AND_OUTPUTS:
-        _channels_of_profile(ask, found)
+        _mappings_of_profile(ask, found)
         settings = list(objects.IO_SETTINGS)
     elif sheet is None:
         return (
@@ -108,7 +108,7 @@ def ask_node(node: RemoteNode, folder: EdsFolder) -> NodeDescription | str:
         )
     else:
         settings = []
-        _channels_of_mapping(ask, found, sheet)
+        _mappings_of_mapping(ask, found, sheet)
     _cut(found)
     if sheet is not None:
         by_object = {(one.entry.index, one.entry.subindex): one for one in [*settings, *sheet.settings()]}
@@ -150,7 +150,7 @@ def _rpm(unit: int | None, per_turn: float | None) -> float:
     return power * by_angle.get(unit >> 16 & 0xFF, 1.0) * _RPM_BY_TIME.get(unit >> 8 & 0xFF, 1.0) or 1.0
 
 
-def _channels_of_profile(ask: SdoRequests, found: NodeDescription) -> None:
+def _mappings_of_profile(ask: SdoRequests, found: NodeDescription) -> None:
     for group in range(ask.count(objects.DIGITAL_INPUTS)):
         found.heard += bits_of("in", Entry(objects.DIGITAL_INPUTS, group + 1, 8), 8 * group + 1)
     for number in range(ask.count(objects.ANALOGUE_INPUTS)):
@@ -163,11 +163,11 @@ def _channels_of_profile(ask: SdoRequests, found: NodeDescription) -> None:
         found.told.append(analogue(f"level_out_{number + 1}", entry))
 
 
-def _channels_of_mapping(ask: SdoRequests, found: NodeDescription, sheet: DataSheet) -> None:
+def _mappings_of_mapping(ask: SdoRequests, found: NodeDescription, sheet: DataSheet) -> None:
     """A device of no known profile has a port for each object that its PDOs carry, named as its EDS names it."""
     known = sheet.entries()
     names = set[str]()
-    for is_sent, channels in ((True, found.heard), (False, found.told)):
+    for is_sent, mappings in ((True, found.heard), (False, found.told)):
         layouts = [ask.layout(number, known, is_sent=is_sent) for number in PDOS]
         used = tuple(layout for layout in layouts if layout is not None)
         if is_sent:
@@ -183,7 +183,7 @@ def _channels_of_mapping(ask: SdoRequests, found: NodeDescription, sheet: DataSh
                 port = f"{port}_{entry.index:x}_{entry.subindex}"
             names.add(port)
             is_truth = variable.data_type == 1
-            channels.append(by_unit(port, entry, variable.unit or "", float(variable.factor or 1), is_truth=is_truth))
+            mappings.append(by_unit(port, entry, variable.unit or "", float(variable.factor or 1), is_truth=is_truth))
 
 
 def _cut(found: NodeDescription) -> None:

@@ -19,7 +19,7 @@ _EVENT_DRIVEN: Final = 255
 _TPDO, _RPDO = (0x1800, 0x1A00, 0x180), (0x1400, 0x1600, 0x200)
 
 
-class Refused(MsbotError):
+class SdoRefused(MsbotError):
     """The node has refused something."""
 
 
@@ -44,7 +44,7 @@ class SdoRequests:
         """Write a number.
 
         Raises:
-            Refused: the node does not take it; the text says why.
+            SdoRefused: the node does not take it; the text says why.
         """
         self._write(entry.index, entry.subindex, entry.encode(value))
 
@@ -54,7 +54,7 @@ class SdoRequests:
             self._sdo.download(entry.index, entry.subindex, entry.encode(value))
         except SdoAbortedError as error:
             if error.code not in NOT_THERE:
-                raise Refused(f"node {self._node_id} refuses {value} in {entry.where}: {error}") from error
+                raise SdoRefused(f"node {self._node_id} refuses {value} in {entry.where}: {error}") from error
             return False
         return True
 
@@ -82,7 +82,7 @@ class SdoRequests:
         A device whose mapping is fixed keeps it, if it has these entries.
 
         Raises:
-            Refused: the node does not take that mapping.
+            SdoRefused: the node does not take that mapping.
         """
         communication, mapping, base = _TPDO if is_sent else _RPDO
         communication, mapping = communication + number - 1, mapping + number - 1
@@ -98,7 +98,7 @@ class SdoRequests:
                 for place, entry in enumerate(entries, 1):
                     self._write(mapping, place, entry.mapping.to_bytes(4, "little"))
                 self._write(mapping, 0, bytes([len(entries)]))
-        except Refused:
+        except SdoRefused:
             if now is None or not set(entries) <= set(now.entries):
                 raise
             self._write(communication, 1, cob_id.to_bytes(4, "little"))
@@ -114,11 +114,11 @@ class SdoRequests:
         except SdoAbortedError as error:
             if error.code in NOT_THERE:
                 return None
-            raise Refused(f"node {self._node_id} does not tell 0x{index:04X}:{subindex:02X}: {error}") from error
+            raise SdoRefused(f"node {self._node_id} does not tell 0x{index:04X}:{subindex:02X}: {error}") from error
         return bytes(data)
 
     def _write(self, index: int, subindex: int, data: bytes) -> None:
         try:
             self._sdo.download(index, subindex, data)
         except SdoAbortedError as error:
-            raise Refused(f"node {self._node_id} refuses 0x{index:04X}:{subindex:02X}: {error}") from error
+            raise SdoRefused(f"node {self._node_id} refuses 0x{index:04X}:{subindex:02X}: {error}") from error

@@ -57,9 +57,9 @@ def _missing(error: ModuleNotFoundError) -> ConfigError:
 
 
 def _fits() -> Sequence[Fit]:
-    from msbot_bridges.canopen.channels import channel_fits
+    from msbot_bridges.canopen.port_mappings import mapping_fits
 
-    return channel_fits()
+    return mapping_fits()
 
 
 WORLD = WorldKind(

@@ -43,7 +43,7 @@ class Packet:
 
 
 @dataclass(frozen=True, slots=True)
-class Frame:
+class JacdacFrame:
     """What one device has sent, or what is for it."""
 
     device: bytes
@@ -63,7 +63,7 @@ def checksum(data: bytes) -> int:
     return value
 
 
-def decode_frame(data: bytes) -> Frame:
+def decode_frame(data: bytes) -> JacdacFrame:
     """Read a frame.
 
     Raises:
@@ -86,7 +86,7 @@ def decode_frame(data: bytes) -> Frame:
         command = int.from_bytes(data[at + 2 : at + 4], "little")
         packets.append(Packet(data[at + 1] & 0x3F, command, data[at + 4 : at + 4 + length]))
         at += (4 + length + 3) & ~3
-    return Frame(data[4:HEADER], tuple(packets), bool(flags & IS_COMMAND), bool(flags & TO_CLASS))
+    return JacdacFrame(data[4:HEADER], tuple(packets), bool(flags & IS_COMMAND), bool(flags & TO_CLASS))
 
 
 def encode_commands(device: bytes, packets: Iterable[Packet]) -> list[bytes]:

@@ -94,7 +94,7 @@ INTERVAL = ServiceSetting("interval", STREAMING_INTERVAL, U32, int, 100, 20, 60_
 
 
 @dataclass(frozen=True, slots=True)
-class Service:
+class ServiceKind:
     """What a service of one class brings into a robot."""
 
     name: str
@@ -106,7 +106,7 @@ class Service:
 
 
 @dataclass(frozen=True, slots=True)
-class Sensor(Service):
+class Sensor(ServiceKind):
     """A service with a reading."""
 
     message: type[Message] = field(kw_only=True)
@@ -116,7 +116,7 @@ class Sensor(Service):
 
 
 @dataclass(frozen=True, slots=True)
-class Actuator(Service):
+class Actuator(ServiceKind):
     """A service that is driven."""
 
     message: type[Message] = field(kw_only=True)
@@ -197,7 +197,7 @@ def _switch_actuator(name: str, words: str) -> Actuator:
     )
 
 
-SERVICES: Mapping[int, Service] = {
+SERVICES: Mapping[int, ServiceKind] = {
     0x1473A263: Sensor(
         "button",
         "button",

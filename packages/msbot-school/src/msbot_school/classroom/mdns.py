@@ -152,7 +152,7 @@ class MasterAnnouncer:
             zeroconf.close()
 
 
-def find(seconds: float, class_name: str = "") -> list[MasterAnnouncement]:
+def find_masters(seconds: float, class_name: str = "") -> list[MasterAnnouncement]:
     """The masters that announce themselves in the networks of this computer.
 
     Args:

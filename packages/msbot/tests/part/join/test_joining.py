@@ -39,7 +39,7 @@ def changes(taken: list[Action]) -> list[tuple[JoinState, JoinState]]:
 
 def active(now: float = 0.0) -> Joining:
     joining = Joining(ExpectedRobot("MSBOT_MASTER"))
-    joining.agent_found(now)
+    joining.session_opened(now)
     joining.profile_seen(ROBOT, now)
     joining.verdict_given(7, 1.0, "", now)
     assert joining.configuration_received(3, "A", now)
@@ -50,7 +50,7 @@ def active(now: float = 0.0) -> Joining:
 def test_a_part_goes_through_both_steps_and_its_configuration() -> None:
     joining = Joining(ExpectedRobot("MSBOT_MASTER"))
     assert joining.state is JoinState.LOOKING
-    joining.agent_found(1.0)
+    joining.session_opened(1.0)
     assert changes(actions(joining)) == [(JoinState.LOOKING, JoinState.RECOGNISING)]
     joining.profile_seen(ROBOT, 1.1)
     taken = actions(joining)
@@ -69,7 +69,7 @@ def test_a_part_goes_through_both_steps_and_its_configuration() -> None:
 def test_a_challenge_is_answered_at_once_while_claiming_and_at_no_other_time() -> None:
     joining = Joining(ExpectedRobot())
     joining.challenged(b"early", 0.0)
-    joining.agent_found(0.0)
+    joining.session_opened(0.0)
     joining.challenged(b"early", 0.0)
     joining.profile_seen(ROBOT, 0.0)
     actions(joining)
@@ -99,7 +99,7 @@ def test_an_extra_beat_goes_out_at_once_and_leaves_the_others_in_their_time() ->
 
 def test_nothing_is_claimed_before_the_profile_was_heard() -> None:
     joining = Joining(ExpectedRobot())
-    joining.agent_found(0.0)
+    joining.session_opened(0.0)
     actions(joining)
     joining.handle_timer(100.0)
     joining.verdict_given(7, 1.0, "", 100.0)
@@ -111,7 +111,7 @@ def test_nothing_is_claimed_before_the_profile_was_heard() -> None:
 
 def test_another_robot_is_never_claimed_until_its_profile_changes() -> None:
     joining = Joining(ExpectedRobot("MSBOT_MASTER"))
-    joining.agent_found(0.0)
+    joining.session_opened(0.0)
     actions(joining)
     joining.profile_seen(OTHER, 0.1)
     assert changes(actions(joining)) == [(JoinState.RECOGNISING, JoinState.WRONG_ROBOT)]
@@ -143,7 +143,7 @@ def test_every_field_of_the_profile_counts_and_a_star_is_any() -> None:
 
 def test_a_claim_is_repeated_every_half_second_until_answered() -> None:
     joining = Joining(ExpectedRobot())
-    joining.agent_found(0.0)
+    joining.session_opened(0.0)
     joining.profile_seen(ROBOT, 0.0)
     actions(joining)
     for turn in range(1, 4):
@@ -157,7 +157,7 @@ def test_a_claim_is_repeated_every_half_second_until_answered() -> None:
 
 def test_a_refusal_is_told_and_claimed_again_later() -> None:
     joining = Joining(ExpectedRobot())
-    joining.agent_found(0.0)
+    joining.session_opened(0.0)
     joining.profile_seen(ROBOT, 0.0)
     actions(joining)
     joining.verdict_given(0, 1.0, "blocked by an administrator", 0.1)
@@ -177,7 +177,7 @@ def test_a_refusal_is_told_and_claimed_again_later() -> None:
 
 def test_the_configuration_is_asked_for_until_it_comes() -> None:
     joining = Joining(ExpectedRobot())
-    joining.agent_found(0.0)
+    joining.session_opened(0.0)
     joining.profile_seen(ROBOT, 0.0)
     joining.verdict_given(7, 1.0, "", 0.0)
     actions(joining)
@@ -254,7 +254,7 @@ def test_a_silent_inventory_is_left_after_three_and_a_half_beats() -> None:
 
 def test_where_many_share_a_slow_medium_it_asks_less_often() -> None:
     joining = Joining(ExpectedRobot(), PATIENT)
-    joining.agent_found(0.0)
+    joining.session_opened(0.0)
     joining.profile_seen(ROBOT, 0.0)
     assert joining.timer() == 2.0
     joining.verdict_given(7, 1.0, "", 0.0)
@@ -306,7 +306,7 @@ def test_a_lost_agent_voids_everything_and_both_steps_begin_again() -> None:
     assert joining.lease == 0
     joining.agent_lost("still no agent", 3.0)
     assert joining.reason == "still no agent"
-    joining.agent_found(4.0)
+    joining.session_opened(4.0)
     assert joining.state is JoinState.RECOGNISING
     assert SendClaim() not in actions(joining)
 
@@ -315,7 +315,7 @@ def test_the_end_is_the_end() -> None:
     joining = active()
     joining.end("ended", 2.0)
     assert changes(actions(joining)) == [(JoinState.ACTIVE, JoinState.ENDED)]
-    joining.agent_found(3.0)
+    joining.session_opened(3.0)
     joining.profile_seen(ROBOT, 3.0)
     joining.end("again", 3.0)
     assert actions(joining) == []
@@ -342,8 +342,8 @@ class AnyNews(RuleBasedStateMachine):
         """Put into another slot while active, and still without that slot's configuration."""
 
     @rule()
-    def agent_found(self) -> None:
-        self.joining.agent_found(self.now)
+    def session_opened(self) -> None:
+        self.joining.session_opened(self.now)
 
     @rule()
     def agent_lost(self) -> None:

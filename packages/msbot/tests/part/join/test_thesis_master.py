@@ -26,7 +26,7 @@ PROFILE = pnp_messages.ProfileMessage(
 
 def test_nobody_is_asked_before_claims_have_gone_unanswered_for_a_while_and_then_once() -> None:
     joining = Joining(ExpectedRobot())
-    joining.agent_found(0.0)
+    joining.session_opened(0.0)
     joining.profile_seen(ExpectedRobot("MSBOT_MASTER"), 1.0)
     asked_at = []
     while (due := joining.timer()) is not None and due < 60.0:

@@ -156,7 +156,7 @@ def find(class_name: str, seconds: float, *, as_json: bool) -> None:
     from msbot_school.classroom import mdns  # the other commands of the class do not need it
 
     accesses = {one.address for one in RemoteAccessFile().all()}
-    found = mdns.find(seconds, class_name)
+    found = mdns.find_masters(seconds, class_name)
     if as_json:
         told = [
             {

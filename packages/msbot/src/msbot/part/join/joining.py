@@ -8,7 +8,7 @@ after an unanswered beat it checks the agent at once, when the inventory no long
 when the inventory is silent for three and a half beats the part is lost and begins again with a new session (thesis
 3.10.3, 3.12.1.1).
 
-The owner feeds in the news (`agent_found`, `profile_seen`, ...), calls `next_action()` after each until it returns
+The owner feeds in the news (`session_opened`, `profile_seen`, ...), calls `next_action()` after each until it returns
 None, and calls `handle_timer` when `timer()` says so.
 """
 
@@ -222,7 +222,7 @@ class Joining:
         """The next thing that the owner has to do, or None."""
         return self._actions.popleft() if self._actions else None
 
-    def agent_found(self, now: float) -> None:
+    def session_opened(self, now: float) -> None:
         """A session is open."""
         self._take(E.AGENT_FOUND, "agent found, waiting for the robot's profile", now)
 

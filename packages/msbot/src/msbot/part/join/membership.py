@@ -207,7 +207,7 @@ class Membership:
     def _client_changed(self, state: ConnectionState, reason: str) -> None:
         now = self._turn.now()
         if state is ConnectionState.CONNECTED:
-            self.joining.agent_found(now)
+            self.joining.session_opened(now)
         elif state is ConnectionState.CLOSED:
             self.joining.end("ended", now)
         else:

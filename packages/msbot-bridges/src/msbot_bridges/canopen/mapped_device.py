@@ -9,17 +9,17 @@ from msbot.part import Message
 from msbot_bridges.bridge import DeviceOutput, ForeignDevice, Input
 from msbot_bridges.canopen import objects
 from msbot_bridges.canopen.canopen_device import CanopenDevice, NodeBus, SetUp, watch_each_other
-from msbot_bridges.canopen.channels import Channel
 from msbot_bridges.canopen.node_description import NodeDescription
 from msbot_bridges.canopen.objects import Entry
 from msbot_bridges.canopen.pdo_layout import PdoLayout, distribute
+from msbot_bridges.canopen.port_mappings import PortMapping
 from msbot_bridges.canopen.sdo_requests import SdoRequests
 
 REPORT_MS: Final = 200
 """Inputs are sent when they change, and so often."""
 
 
-class ChannelDevice(CanopenDevice):
+class MappedDevice(CanopenDevice):
     """See `CanopenDevice`."""
 
     def __init__(self, description: NodeDescription, bus: NodeBus, news: Callable[[ForeignDevice], None]) -> None:
@@ -52,10 +52,10 @@ class ChannelDevice(CanopenDevice):
 
     def act(self, port: str, message: Message) -> None:
         """See `ForeignDevice`."""
-        channel = self._told[port]
-        self._values[channel.entry] = channel.to_value(message, self._values.get(channel.entry, 0))
+        mapping = self._told[port]
+        self._values[mapping.entry] = mapping.to_value(message, self._values.get(mapping.entry, 0))
         if self.is_operational and not self.is_stopping:
-            self.order(self._values, channel.entry)
+            self.order(self._values, mapping.entry)
 
     def rest(self) -> None:
         """See `ForeignDevice`; each port has got its safe value."""
@@ -87,15 +87,15 @@ class ChannelDevice(CanopenDevice):
 
     def told(self, values: Mapping[Entry, int]) -> None:
         """See `CanopenDevice`."""
-        for channel in self._heard:
-            if (value := values.get(channel.entry)) is not None:
-                self.report(channel.port, channel.to_message(value))
+        for mapping in self._heard:
+            if (value := values.get(mapping.entry)) is not None:
+                self.report(mapping.port, mapping.to_message(value))
         if self.is_stopping and self._safe and all(values.get(entry) == safe for entry, safe in self._safe.items()):
             self.confirm_still()
 
 
-def _entries(channels: Sequence[Channel]) -> list[Entry]:
-    return list(dict.fromkeys(one.entry for one in channels))
+def _entries(mappings: Sequence[PortMapping]) -> list[Entry]:
+    return list(dict.fromkeys(one.entry for one in mappings))
 
 
 def _map(ask: SdoRequests, entries: Sequence[Entry], *, is_sent: bool) -> tuple[PdoLayout, ...]:

@@ -40,7 +40,7 @@ _BY_UNIT: Final[dict[str, tuple[type[Message], str]]] = {
 
 
 @dataclass(frozen=True, slots=True)
-class Channel:
+class PortMapping:
     """One port, and the number that it stands for."""
 
     port: str
@@ -77,7 +77,7 @@ class Channel:
         return Level(percent=0) if self.message is Level else None
 
 
-def channel_fits() -> tuple[Fit, ...]:
+def mapping_fits() -> tuple[Fit, ...]:
     """Which messages devices send, and are driven by: drives, modules, and objects of an EDS by their unit."""
     drives: list[tuple[type[Message], str]] = [(Speed, said("drives")), (Angle, said("drives"))]
     units: dict[type[Message], list[str]] = {}
@@ -99,23 +99,23 @@ def channel_fits() -> tuple[Fit, ...]:
     return fits_of(reports, driven)
 
 
-def bits_of(port: str, entry: Entry, first: int) -> list[Channel]:
+def bits_of(port: str, entry: Entry, first: int) -> list[PortMapping]:
     """Eight ports for the bits of an entry; the first has the number `first`."""
-    return [Channel(f"{port}_{first + bit}", entry, Switch, "on", bit=bit) for bit in range(8)]
+    return [PortMapping(f"{port}_{first + bit}", entry, Switch, "on", bit=bit) for bit in range(8)]
 
 
-def analogue(port: str, entry: Entry) -> Channel:
+def analogue(port: str, entry: Entry) -> PortMapping:
     """An analogue value, of which only its share of the most is known."""
-    return Channel(port, entry, Level, "percent", 100 / entry.most)
+    return PortMapping(port, entry, Level, "percent", 100 / entry.most)
 
 
-def by_unit(port: str, entry: Entry, unit: str, factor: float, *, is_truth: bool) -> Channel:
+def by_unit(port: str, entry: Entry, unit: str, factor: float, *, is_truth: bool) -> PortMapping:
     """A port whose message follows from the unit that an EDS names."""
     if is_truth:
-        return Channel(port, entry, Switch, "on")
+        return PortMapping(port, entry, Switch, "on")
     if unit in _BY_UNIT:
         message, field = _BY_UNIT[unit]
-        return Channel(port, entry, message, field, factor)
+        return PortMapping(port, entry, message, field, factor)
     if factor == 1 and entry.bits <= 32 and (entry.signed or entry.bits < 32):
-        return Channel(port, entry, Count, "value")
-    return Channel(port, entry, Number, "value", factor)
+        return PortMapping(port, entry, Count, "value")
+    return PortMapping(port, entry, Number, "value", factor)
