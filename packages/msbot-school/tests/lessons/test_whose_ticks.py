@@ -26,13 +26,13 @@ PROMISE = "What ticks in a lesson belongs to the person who did it"
 def test_what_somebody_else_did_ticks_only_when_one_has_done_it_oneself() -> None:
     done, robot = run((check("1.1", "knob is active"),)), Robot({"knob": "active"})
     assert done.evaluate(robot, 0.0, lambda _: BEN) == []
-    assert done.done_by_others("1.1") == "Ben"
+    assert done.ticks_of_others("1.1") == "Ben"
     assert done.evaluate(robot, 1.0, lambda _: ADA) == [], "a touch is not yet the deed"
     robot.states["knob"] = "lost"
     assert done.evaluate(robot, 2.0, lambda _: ADA) == []
     robot.states["knob"] = "active"
     assert [one.by for one in done.evaluate(robot, 3.0, lambda _: ADA)] == [ADA]
-    assert done.done_by_others("1.1") == ""
+    assert done.ticks_of_others("1.1") == ""
 
 
 @pytest.mark.promise(PROMISE)

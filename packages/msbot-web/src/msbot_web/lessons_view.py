@@ -84,12 +84,12 @@ class LessonsView:
         """For how long a person has taken part, seconds."""
         return 0.0 if self._desk is None else self._desk.seconds_of(session.name)
 
-    def done_by_others(self, session: Session) -> Mapping[str, str]:
+    def ticks_of_others(self, session: Session) -> Mapping[str, str]:
         """Checks that do not tick for a person because somebody else has done them -> who."""
         run = self.run_of(session)
         if run is None:
             return {}
-        found = {check.name: run.done_by_others(check.name) for check in run.lesson.checks}
+        found = {check.name: run.ticks_of_others(check.name) for check in run.lesson.checks}
         return {name: who for name, who in found.items() if who}
 
     def is_right(self, lesson: str, check: str, answer: str) -> bool:

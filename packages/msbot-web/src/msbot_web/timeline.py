@@ -57,9 +57,11 @@ class Timeline:
         """By slot: (when a beat came, seconds since the one before)."""
 
     def note(self, event: PartEvent) -> None:
-        """Take a change; what the inventory calls."""
+        """Take a change; what the inventory calls. A note about a part, such as an error of its log, is none."""
         lane = event.slot or event.part
         spans = self._spans.setdefault(lane, deque(maxlen=KEPT_SPANS))
+        if spans and event.from_state is event.to_state and spans[-1].part == event.part:
+            return
         spans.append(Span(event.at, event.to_state.value, event.part, event.reason))
         if len(self._spans) > KEPT_SPANS:
             del self._spans[next(iter(self._spans))]

@@ -185,32 +185,32 @@ def test_a_stop_that_the_master_heard_before_it_was_asked_is_over_unless_it_hold
         safety = scene.safety
         safety.change_master(is_there=True)
         safety.ask()
-        assert not safety.none_holds(), "there was none"
+        assert not safety.no_stop_holds(), "there was none"
         safety.stop("on the bus")
         safety.ask()
         assert not safety.beats, "the answer is on its way"
-        assert safety.none_holds()
+        assert safety.no_stop_holds()
         assert (safety.stopped, safety.number) == (False, 0)
         assert "GO: no STOP holds in the robot" in caplog.text
-        assert not safety.none_holds(), "it is said once"
+        assert not safety.no_stop_holds(), "it is said once"
 
         safety.stop("on the bus")
         safety.ask()
         safety.stop("it holds in the robot that the part has joined", 3)
-        assert not safety.none_holds(), "a later configuration names none"
+        assert not safety.no_stop_holds(), "a later configuration names none"
         assert safety.stopped
         assert safety.go(3)
 
         safety.ask()
         safety.stop("on the bus, while the answer is on its way")
-        assert not safety.none_holds()
+        assert not safety.no_stop_holds()
         assert safety.stopped
         assert safety.go(4)
 
         safety.stop("on the bus")
         safety.ask()
         safety.change_master(is_there=True)
-        assert not safety.none_holds(), "it was asked in another session"
+        assert not safety.no_stop_holds(), "it was asked in another session"
         assert safety.stopped
 
     play(scenario)
@@ -223,7 +223,7 @@ def test_a_stop_on_the_bus_without_a_master_ends_only_after_a_master_has_said_it
         safety.change_master(is_there=True)
         safety.ask()
         assert [*safety.beats] == [0], "the master must take it up"
-        assert not safety.none_holds()
+        assert not safety.no_stop_holds()
         assert not safety.go(7), "of one that was over before"
         assert safety.stopped
         safety.stop("the master has taken it up", 8)
@@ -246,7 +246,7 @@ def test_a_numbered_stop_goes_on_until_its_robot_says_that_it_is_over() -> None:
         assert not safety.recognise("rover")
         safety.ask()
         assert [*safety.beats] == [5]
-        assert not safety.none_holds(), "the master may never have heard of it"
+        assert not safety.no_stop_holds(), "the master may never have heard of it"
         assert not safety.go(4)
         assert safety.go(6)
 
@@ -335,7 +335,7 @@ def test_stop_ends_only_by_a_newer_go_or_by_the_answer_of_the_master_that_knew_o
                     safety.ask()
                     is_asked = holds and knows
                 case "none":
-                    assert safety.none_holds() is (holds and is_asked)
+                    assert safety.no_stop_holds() is (holds and is_asked)
                     holds = holds and not is_asked
                 case "go":
                     number = number + 1  # newer than anything

@@ -180,7 +180,7 @@ class LessonRun:
             seen = [said("it holds, and must do so for {seconds:g} s", seconds=check.for_s)]
         return Hint(check.name, joined("; ", seen), check.hint)
 
-    def done_by_others(self, check: str) -> str:
+    def ticks_of_others(self, check: str) -> str:
         """Who has done a check that does not tick for this person because of that; empty: nobody."""
         progress = self._progress[check]
         is_theirs = progress.ticked_at is None and progress.holds_since is not None and progress.hand.doing is None

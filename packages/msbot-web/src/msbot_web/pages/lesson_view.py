@@ -188,7 +188,7 @@ class LessonView:
             self._point(set(ticked), len(checks))
         hint = None if mine is None else mine["hint"]
         stuck = hint if isinstance(hint, dict) else {}
-        others = learning.done_by_others(page.session)
+        others = learning.ticks_of_others(page.session)
         for name, mark in self._marks.items():
             one = ticked.get(name)
             note = self._whose(one) if one is not None else ""

@@ -423,7 +423,7 @@ class ProgramRunner:
         for setting in configuration.settings:
             if setting.name == STOP_SETTING and setting.value.isdecimal():
                 self._stop_said("it holds in the robot that the part has joined", int(setting.value))
-        if len(settings) == len(configuration.settings) and self.safety.none_holds():
+        if len(settings) == len(configuration.settings) and self.safety.no_stop_holds():
             self._stop_is_over()
         self._ports.bind(configuration.bindings)
         for port, listener in self.program.listeners.items():

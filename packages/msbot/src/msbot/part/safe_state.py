@@ -206,7 +206,7 @@ class Safety:
         """The part asks for its configuration, which also says whether STOP holds in the robot."""
         self._is_asked = self.stopped and self._is_masters
 
-    def none_holds(self) -> bool:
+    def no_stop_holds(self) -> bool:
         """The configuration has come and names no STOP; False: that does not end one, or one was said since `ask`."""
         if not (self.stopped and self._is_asked):
             return False
