@@ -21,7 +21,7 @@ from msbot.part.messages.standard import (
     Trigger,
     Weight,
 )
-from msbot_bridges.mqtt.device_model import Command, DeviceModel
+from msbot_bridges.mqtt.device_model import CommandPort, DeviceModel
 from msbot_bridges.mqtt.ha_discovery import HaDiscovery
 
 DEVICE = {"ids": ["x1"], "mf": "ACME", "mdl": "box", "sw": "2", "name": "Box"}
@@ -41,7 +41,7 @@ def one(component: str, **config: Any) -> DeviceModel:
     return model
 
 
-def orders(command: Command, message: Message) -> list[tuple[str, str]]:
+def orders(command: CommandPort, message: Message) -> list[tuple[str, str]]:
     return [(order.topic, order.payload) for order in command.orders(message)]
 
 

@@ -10,7 +10,7 @@ from msbot.part.messages.standard import Distance, Speed, Switch, Temperature
 from msbot_bridges.bridge import BridgeLink
 from msbot_bridges.modbus.address import LineAddress, read_address
 from msbot_bridges.modbus.device_table import DeviceTable, read_device_table
-from msbot_bridges.modbus.points import Point, RegisterTable, Role, blocks
+from msbot_bridges.modbus.points import ModbusPoint, PointUse, RegisterTable, blocks
 from msbot_bridges.modbus.world import tables_of
 from msbot_xrce.errors import ConfigError
 
@@ -31,8 +31,10 @@ def point(
     scale: float = 1.0,
     least: float | None = None,
     most: float | None = None,
-) -> Point:
-    return Point("x", Role.IN, RegisterTable.HOLDING, 0, format, words, scale=scale, least=least, most=most, safe=0.0)
+) -> ModbusPoint:
+    return ModbusPoint(
+        "x", PointUse.IN, RegisterTable.HOLDING, 0, format, words, scale=scale, least=least, most=most, safe=0.0
+    )
 
 
 def test_the_example_is_read() -> None:
@@ -63,35 +65,35 @@ def test_the_example_is_read() -> None:
         (point(least=5.0), 0, [5]),
     ],
 )
-def test_a_number_is_written_as_the_table_says_and_read_back(one: Point, value: float, words: list[int]) -> None:
+def test_a_number_is_written_as_the_table_says_and_read_back(one: ModbusPoint, value: float, words: list[int]) -> None:
     assert one.write(value) == words
     assert one.is_at(one.read(words), value)
 
 
 @pytest.mark.parametrize(("one", "value"), [(point(), -1), (point(), 70_000), (point(), float("nan"))])
-def test_what_does_not_fit_is_refused(one: Point, value: float) -> None:
+def test_what_does_not_fit_is_refused(one: ModbusPoint, value: float) -> None:
     with pytest.raises(ConfigError):
         one.write(value)
 
 
 def test_a_distance_in_millimetres_is_in_metres() -> None:
-    one = Point("d", Role.OUT, RegisterTable.INPUT, 0, unit="mm")
+    one = ModbusPoint("d", PointUse.OUT, RegisterTable.INPUT, 0, unit="mm")
     assert one.message_of(one.read([420])) == Distance(metres=0.42, in_range=True)
 
 
 def test_neighbours_are_read_together_and_gaps_never() -> None:
     points = [
-        Point("a", Role.OUT, RegisterTable.HOLDING, 10),
-        Point("b", Role.OUT, RegisterTable.HOLDING, 11, "float32"),
-        Point("c", Role.OUT, RegisterTable.HOLDING, 14),
-        Point("d", Role.OUT, RegisterTable.COIL, 0),
+        ModbusPoint("a", PointUse.OUT, RegisterTable.HOLDING, 10),
+        ModbusPoint("b", PointUse.OUT, RegisterTable.HOLDING, 11, "float32"),
+        ModbusPoint("c", PointUse.OUT, RegisterTable.HOLDING, 14),
+        ModbusPoint("d", PointUse.OUT, RegisterTable.COIL, 0),
     ]
     assert [(one.table.value, one.address, one.count) for one in blocks(points)] == [
         ("coil", 0, 1),
         ("holding", 10, 3),
         ("holding", 14, 1),
     ]
-    many = [Point(str(at), Role.OUT, RegisterTable.INPUT, at) for at in range(250)]
+    many = [ModbusPoint(str(at), PointUse.OUT, RegisterTable.INPUT, at) for at in range(250)]
     assert [one.count for one in blocks(many)] == [100, 100, 50]
 
 

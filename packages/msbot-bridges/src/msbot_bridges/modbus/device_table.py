@@ -10,7 +10,7 @@ from msbot_agent.toml.document import read_document
 from msbot_agent.toml.problems import Problems
 from msbot_agent.toml.table import Table
 from msbot_bridges.bridge.quantity import nearest_to_zero
-from msbot_bridges.modbus.points import TYPES, WORD_ORDERS, Point, RegisterTable, Role
+from msbot_bridges.modbus.points import TYPES, WORD_ORDERS, ModbusPoint, PointUse, RegisterTable
 from msbot_xrce.errors import ConfigError
 from msbot_xrce.lazy import dataclass
 
@@ -32,11 +32,11 @@ class DeviceTable:
     poll_s: float
     lost_after: int
     """So many requests without an answer, one after the other, and it is lost."""
-    points: Sequence[Point]
-    serial: Point | None = None
+    points: Sequence[ModbusPoint]
+    serial: ModbusPoint | None = None
     """Where the device has a number of its own."""
 
-    def of_role(self, role: Role) -> list[Point]:
+    def of_role(self, role: PointUse) -> list[ModbusPoint]:
         """Its points of one role."""
         return [one for one in self.points if one.role is role]
 
@@ -62,7 +62,7 @@ def read_device_table(path: Path) -> DeviceTable:
         top.number("poll_s", default=POLL_S, least=0.02, most=60.0, unit="s"),
         top.whole("lost_after", default=LOST_AFTER, least=1, most=100),
         _points(top),
-        _register(serial, "serial", Role.OUT) if serial.is_there else None,
+        _register(serial, "serial", PointUse.OUT) if serial.is_there else None,
     )
     if serial.is_there:
         serial.finish()
@@ -71,19 +71,19 @@ def read_device_table(path: Path) -> DeviceTable:
     return made
 
 
-def _points(top: Table) -> tuple[Point, ...]:
+def _points(top: Table) -> tuple[ModbusPoint, ...]:
     tables = top.tables("point")
     if not tables:
         top.report("has no point; add a table that begins with [[point]]")
     if len(tables) > MOST_POINTS:
         top.report(f"has {len(tables)} points; a part has room for {MOST_POINTS}", "point")
-    points: list[Point] = []
+    points: list[ModbusPoint] = []
     for table in tables[:MOST_POINTS]:
         point = _point(table)
         if any(point.name == other.name for other in points):
             table.report(f'there is another point with the name "{point.name}"', "port")
         points.append(point)
-    reported = {one.name for one in points if one.role is Role.OUT}
+    reported = {one.name for one in points if one.role is PointUse.OUT}
     for table, point in zip(tables, points, strict=False):
         if point.confirmed_by and point.confirmed_by not in reported:
             right = ", ".join(sorted(reported)) or "none"
@@ -91,14 +91,14 @@ def _points(top: Table) -> tuple[Point, ...]:
     return tuple(points)
 
 
-def _point(table: Table) -> Point:
-    role = Role(table.choice("role", [one.value for one in Role], default="out"))
+def _point(table: Table) -> ModbusPoint:
+    role = PointUse(table.choice("role", [one.value for one in PointUse], default="out"))
     point = _register(table, table.name("port", "speed", forbidden="."), role)
-    if role is not Role.OUT and not point.table.is_written:
+    if role is not PointUse.OUT and not point.table.is_written:
         table.report(
             f'nobody can write a "{point.table.value}"; a port that is driven is a "coil" or "holding"', "table"
         )
-    if role is Role.OUT:
+    if role is PointUse.OUT:
         for key in ("safe", "confirmed_by", "default"):
             if key in table:
                 table.report('is only for points with another role than "out"', key)
@@ -106,7 +106,7 @@ def _point(table: Table) -> Point:
     return point
 
 
-def _register(table: Table, name: str, role: Role) -> Point:
+def _register(table: Table, name: str, role: PointUse) -> ModbusPoint:
     kind = RegisterTable(table.choice("table", [one.value for one in RegisterTable], default="holding"))
     least, most = _limit(table, "least"), _limit(table, "most")
     if least is not None and most is not None and least >= most:
@@ -119,7 +119,7 @@ def _register(table: Table, name: str, role: Role) -> Point:
     if "address" not in table:
         table.report("is missing; add, for example, address = 16 (from 0)", "address")
     safe = table.number("safe", default=nearest_to_zero(least, most), least=-1e9, most=1e9)
-    point = Point(
+    point = ModbusPoint(
         name,
         role,
         kind,
@@ -131,18 +131,18 @@ def _register(table: Table, name: str, role: Role) -> Point:
         table.number("offset", default=0.0, least=-1e9, most=1e9),
         least,
         most,
-        safe if role is Role.IN else None,
+        safe if role is PointUse.IN else None,
         table.text("confirmed_by", "turns"),
         table.number("tolerance", default=0.0, least=0.0, most=1e9),
         table.number("default", default=nearest_to_zero(least, most), least=-1e9, most=1e9),
     )
-    _check_value(table, point, "safe" if role is Role.IN else "default" if role is Role.SETTING else "")
+    _check_value(table, point, "safe" if role is PointUse.IN else "default" if role is PointUse.SETTING else "")
     if point.address + point.count > 65_536:
         table.report("is too great: not all of its registers are there", "address")
     return point
 
 
-def _check_value(table: Table, point: Point, key: str) -> None:
+def _check_value(table: Table, point: ModbusPoint, key: str) -> None:
     """A value that will be written must fit into the range and the registers."""
     if not key:
         return

@@ -20,7 +20,7 @@ from msbot_bridges.bridge import (
     Value,
 )
 from msbot_bridges.modbus.device_table import DeviceTable
-from msbot_bridges.modbus.points import Point, Role
+from msbot_bridges.modbus.points import ModbusPoint, PointUse
 
 
 class ModbusDevice(ForeignDevice):
@@ -38,19 +38,19 @@ class ModbusDevice(ForeignDevice):
         identity: DeviceIdentity,
         table: DeviceTable,
         *,
-        write: Callable[[Point, float, bool], None],
+        write: Callable[[ModbusPoint, float, bool], None],
         news: Callable[[ForeignDevice], None],
     ) -> None:
         self.identity = identity
         self.table = table
-        self.outputs = tuple(DeviceOutput(one.name, one.message) for one in table.of_role(Role.OUT))
+        self.outputs = tuple(DeviceOutput(one.name, one.message) for one in table.of_role(PointUse.OUT))
         self.inputs = tuple(
             Input(one.name, one.message, None if one.safe is None else one.message_of(one.safe))
-            for one in table.of_role(Role.IN)
+            for one in table.of_role(PointUse.IN)
         )
-        self.settings = tuple(_setting(one) for one in table.of_role(Role.SETTING))
+        self.settings = tuple(_setting(one) for one in table.of_role(PointUse.SETTING))
         self._write, self._news = write, news
-        self._points: Mapping[str, Point] = {one.name: one for one in table.points}
+        self._points: Mapping[str, ModbusPoint] = {one.name: one for one in table.points}
         self._report: Report | None = None
         self._is_stopping = False
         self._unconfirmed = set[str]()
@@ -80,7 +80,7 @@ class ModbusDevice(ForeignDevice):
 
     def stop(self) -> None:
         """See `ForeignDevice`."""
-        driven = self.table.of_role(Role.IN)
+        driven = self.table.of_role(PointUse.IN)
         if not self._is_stopping:
             self._is_stopping = True
             self._written.clear()
@@ -116,21 +116,21 @@ class ModbusDevice(ForeignDevice):
             self._fault = why
             self._news(self)
 
-    def was_written(self, point: Point, value: float) -> None:
+    def was_written(self, point: ModbusPoint, value: float) -> None:
         """The device has taken a value."""
         if self._is_stopping and value == point.safe:
             self._written.add(point.name)
 
-    def read(self, point: Point, value: float) -> None:
+    def read(self, point: ModbusPoint, value: float) -> None:
         """A point was read."""
-        if point.role is Role.OUT and self._report is not None:
+        if point.role is PointUse.OUT and self._report is not None:
             self._report(point.name, point.message_of(value))
         if self._is_stopping:
             self._judge(point, value)
 
-    def _judge(self, point: Point, value: float) -> None:
+    def _judge(self, point: ModbusPoint, value: float) -> None:
         was_waiting = bool(self._unconfirmed)
-        for driven in self.table.of_role(Role.IN):
+        for driven in self.table.of_role(PointUse.IN):
             if point.name not in (driven.name, driven.confirmed_by) or driven.name not in self._written:
                 continue
             assert driven.safe is not None
@@ -143,7 +143,7 @@ class ModbusDevice(ForeignDevice):
             self._news(self)
 
 
-def _setting(point: Point) -> DeviceSetting:
+def _setting(point: ModbusPoint) -> DeviceSetting:
     if point.table.is_bits:
         return DeviceSetting(point.name, bool, point.default != 0.0)
     return DeviceSetting(point.name, float, point.default, point.least, point.most, point.unit)

@@ -20,7 +20,7 @@ from msbot_bridges.bridge import DeviceIdentity, World, WorldHost
 from msbot_bridges.modbus.address import LineAddress
 from msbot_bridges.modbus.device_table import DeviceTable
 from msbot_bridges.modbus.modbus_device import ModbusDevice
-from msbot_bridges.modbus.points import Block, Point, RegisterTable, Role, blocks
+from msbot_bridges.modbus.points import Block, ModbusPoint, PointUse, RegisterTable, blocks
 from msbot_xrce.errors import ConfigError, LinkDown
 from msbot_xrce.lazy import dataclass
 
@@ -74,9 +74,9 @@ class ModbusWorld(World):
     def __init__(self, address: LineAddress, tables: list[DeviceTable]) -> None:
         self._address = address
         self._places = [_Place(unit, table) for table in tables for unit in table.units]
-        self._orders: dict[tuple[int, str], tuple[_Place, Point, float]] = {}
+        self._orders: dict[tuple[int, str], tuple[_Place, ModbusPoint, float]] = {}
         """Values that wait to be written, the newest for each point."""
-        self._urgent: dict[tuple[int, str], tuple[_Place, Point, float]] = {}
+        self._urgent: dict[tuple[int, str], tuple[_Place, ModbusPoint, float]] = {}
         self._ordered = asyncio.Event()
         self._rotation = 0
 
@@ -193,7 +193,7 @@ class ModbusWorld(World):
         return " ".join(f"{word:04x}" for word in await self._read(place.unit, block))
 
     async def _poll(self, place: _Place, device: ModbusDevice) -> None:
-        wanted = [one for one in place.table.points if one.role is not Role.SETTING]
+        wanted = [one for one in place.table.points if one.role is not PointUse.SETTING]
         for block in blocks(wanted):
             values = await self._read(place.unit, block)
             if place.device is not device:
@@ -214,7 +214,7 @@ class ModbusWorld(World):
 
     # Orders
 
-    def _order(self, place: _Place, point: Point, value: float, is_urgent: bool) -> None:
+    def _order(self, place: _Place, point: ModbusPoint, value: float, is_urgent: bool) -> None:
         key = (place.unit, point.name)
         self._orders.pop(key, None)  # what came before it must not come after it
         orders = self._urgent if is_urgent else self._orders
@@ -231,7 +231,7 @@ class ModbusWorld(World):
         if self._orders:
             await self._write(*self._orders.pop(next(iter(self._orders))))
 
-    async def _write(self, place: _Place, point: Point, value: float) -> None:
+    async def _write(self, place: _Place, point: ModbusPoint, value: float) -> None:
         try:
             words = point.write(value)
         except ConfigError as error:

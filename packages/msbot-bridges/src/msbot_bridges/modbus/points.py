@@ -49,7 +49,7 @@ class RegisterTable(Enum):
         return self in (RegisterTable.COIL, RegisterTable.HOLDING)
 
 
-class Role(Enum):
+class PointUse(Enum):
     """What a point is for."""
 
     OUT = "out"
@@ -61,11 +61,11 @@ class Role(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Point:
+class ModbusPoint:
     """One value of a device."""
 
     name: str
-    role: Role
+    role: PointUse
     table: RegisterTable
     address: int
     """From 0, as it is sent; many manuals count from 1."""
@@ -165,13 +165,13 @@ class Block:
     table: RegisterTable
     address: int
     count: int
-    points: Sequence[Point]
+    points: Sequence[ModbusPoint]
 
 
-def blocks(points: Sequence[Point]) -> Iterator[Block]:
+def blocks(points: Sequence[ModbusPoint]) -> Iterator[Block]:
     """Requests for these points: those that lie side by side are read together, gaps are never read."""
     for table in RegisterTable:
-        inside: list[Point] = []
+        inside: list[ModbusPoint] = []
         for one in sorted((one for one in points if one.table is table), key=lambda one: one.address):
             end = max((two.address + two.count for two in inside), default=one.address)
             start = inside[0].address if inside else one.address

@@ -11,7 +11,7 @@ from pymodbus.simulator import DataType, SimData, SimDevice
 
 from msbot_bridges.modbus.address import LineAddress
 from msbot_bridges.modbus.device_table import DeviceTable
-from msbot_bridges.modbus.points import Point, RegisterTable, Role, blocks
+from msbot_bridges.modbus.points import ModbusPoint, PointUse, RegisterTable, blocks
 from msbot_xrce.errors import ConfigError
 
 
@@ -73,7 +73,7 @@ class _Device:
         self._table = table
         registers: dict[tuple[RegisterTable, int], int] = {}
         for point in table.points:
-            value = point.default if point.role is Role.SETTING else 0.0
+            value = point.default if point.role is PointUse.SETTING else 0.0
             for at, word in enumerate(_words(point, value)):
                 registers[point.table, point.address + at] = word
         self._registers = registers
@@ -126,7 +126,7 @@ class _Device:
     def _follow(self) -> None:
         """What is driven shows at once in the point that confirms it."""
         points = {one.name: one for one in self._table.points}
-        for driven in self._table.of_role(Role.IN):
+        for driven in self._table.of_role(PointUse.IN):
             shown = points.get(driven.confirmed_by)
             if shown is not None:
                 words = [self._registers[driven.table, driven.address + at] for at in range(driven.count)]
@@ -140,7 +140,7 @@ def _data(kind: RegisterTable, address: int, words: list[int]) -> SimData:
     return SimData(address, values=words, datatype=DataType.REGISTERS)
 
 
-def _words(point: Point, value: float) -> list[int]:
+def _words(point: ModbusPoint, value: float) -> list[int]:
     try:
         return point.write(value)
     except ConfigError:

@@ -22,7 +22,7 @@ class Order:
 
 
 @dataclass(frozen=True, slots=True)
-class Reading:
+class StatePort:
     """A port at which the device's state goes into the robot."""
 
     port: str
@@ -33,7 +33,7 @@ class Reading:
 
 
 @dataclass(frozen=True, slots=True)
-class Command:
+class CommandPort:
     """A port at which the robot drives the device."""
 
     port: str
@@ -66,8 +66,8 @@ class DeviceModel:
     key: str
     """What distinguishes it from all others of its broker."""
     identity: DeviceIdentity
-    readings: Sequence[Reading] = ()
-    commands: Sequence[Command] = ()
+    readings: Sequence[StatePort] = ()
+    commands: Sequence[CommandPort] = ()
     life: Sequence[LifeTopic] = ()
     life_mode: str = "latest"
     """With several life topics: `all` say so, `any` says so, or the `latest` that said something."""
@@ -77,7 +77,9 @@ class DeviceModel:
     """What all this was made from: a device that declares something else is another one."""
 
 
-def chosen(readings: Sequence[Reading], commands: Sequence[Command]) -> tuple[list[Reading], list[Command], list[str]]:
+def chosen(
+    readings: Sequence[StatePort], commands: Sequence[CommandPort]
+) -> tuple[list[StatePort], list[CommandPort], list[str]]:
     """As many ports as there is room for, commands first; and the names of those for which there is none."""
     kept = list(commands[:MOST_PORTS])
     room = MOST_PORTS - len(kept)

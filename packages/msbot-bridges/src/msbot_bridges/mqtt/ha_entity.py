@@ -13,7 +13,7 @@ from typing import Any
 from msbot.part import Message
 from msbot.part.messages.standard import Colour, Level, Number, Switch, Text, Trigger
 from msbot_bridges.bridge.quantity import Quantity, nearest_to_zero, quantity
-from msbot_bridges.mqtt.device_model import Command, Order, PortNames, Reading
+from msbot_bridges.mqtt.device_model import CommandPort, Order, PortNames, StatePort
 from msbot_bridges.mqtt.template import Template
 from msbot_xrce.errors import ConfigError
 from msbot_xrce.lazy import dataclass
@@ -27,8 +27,8 @@ _NEAR = 0.005
 class EntityPorts:
     """What one entity gives to its part."""
 
-    readings: list[Reading]
-    commands: list[Command]
+    readings: list[StatePort]
+    commands: list[CommandPort]
 
 
 def ports_of(component: str, config: Config, name: str, names: PortNames) -> EntityPorts:
@@ -136,9 +136,9 @@ def _switching(
         state = is_on(payload)
         return None if state is None else Switch(on=state)
 
-    readings = [Reading(names.name(f"{port}_state"), Switch, state_topic, read)] if state_topic else []
+    readings = [StatePort(names.name(f"{port}_state"), Switch, state_topic, read)] if state_topic else []
     safe = Switch(on=False)
-    command = Command(
+    command = CommandPort(
         port, Switch, safe, orders, orders(safe), state_topic, lambda payload: _not(is_on(payload)), "that it is off"
     )
     return EntityPorts(readings, [command])
@@ -167,7 +167,7 @@ def _light(config: Config, port: str, names: PortNames) -> EntityPorts:
     return ports
 
 
-def _colour(config: Config, port: str, topic: str) -> Command:
+def _colour(config: Config, port: str, topic: str) -> CommandPort:
     if config.get("rgb_command_template"):
         raise ConfigError("a light with a template for colours")
 
@@ -175,7 +175,7 @@ def _colour(config: Config, port: str, topic: str) -> Command:
         assert isinstance(message, Colour)
         return [Order(topic, f"{message.red},{message.green},{message.blue}")]
 
-    return Command(port, Colour, None, orders, ())  # STOP switches the light off; its colour stays
+    return CommandPort(port, Colour, None, orders, ())  # STOP switches the light off; its colour stays
 
 
 def _dimmed_light(config: Config, port: str, names: PortNames) -> EntityPorts:
@@ -210,10 +210,10 @@ def _dimmed_light(config: Config, port: str, names: PortNames) -> EntityPorts:
     readings = []
     if dim_state or state_topic:
         name = names.name(f"{port}_state")
-        readings += [Reading(name, Level, dim_state, read)] if dim_state else []
-        readings += [Reading(name, Level, state_topic, read_off)] if state_topic else []
+        readings += [StatePort(name, Level, dim_state, read)] if dim_state else []
+        readings += [StatePort(name, Level, state_topic, read_off)] if state_topic else []
     safe = Level(percent=0)
-    command = Command(port, Level, safe, orders, orders(safe), state_topic, is_off, "that it is off")
+    command = CommandPort(port, Level, safe, orders, orders(safe), state_topic, is_off, "that it is off")
     return EntityPorts(readings, [command])
 
 
@@ -256,9 +256,9 @@ def _json_light(config: Config, port: str, names: PortNames) -> EntityPorts:
         return [Order(command_topic, json.dumps({"state": "ON", "color": colour}))]
 
     safe: Message = Level(percent=0) if is_dimmed else Switch(on=False)
-    readings = [Reading(names.name(f"{port}_state"), message_type, state_topic, read)] if state_topic else []
+    readings = [StatePort(names.name(f"{port}_state"), message_type, state_topic, read)] if state_topic else []
     commands = [
-        Command(
+        CommandPort(
             port,
             message_type,
             safe,
@@ -270,7 +270,7 @@ def _json_light(config: Config, port: str, names: PortNames) -> EntityPorts:
         )
     ]
     if modes & {"rgb", "rgbw", "rgbww"}:
-        commands.append(Command(names.name(f"{port}_colour"), Colour, None, colours, ()))
+        commands.append(CommandPort(names.name(f"{port}_colour"), Colour, None, colours, ()))
     return EntityPorts(readings, commands)
 
 
@@ -316,11 +316,13 @@ def _fan(config: Config, port: str, names: PortNames) -> EntityPorts:
     readings = []
     if speed_state or state_topic:
         name = names.name(f"{port}_state")
-        readings += [Reading(name, Level, speed_state, read)] if speed_state else []
+        readings += [StatePort(name, Level, speed_state, read)] if speed_state else []
         if state_topic:
-            readings.append(Reading(name, Level, state_topic, lambda text: Level(percent=0) if is_off(text) else None))
+            readings.append(
+                StatePort(name, Level, state_topic, lambda text: Level(percent=0) if is_off(text) else None)
+            )
     safe = Level(percent=0)
-    command = Command(port, Level, safe, orders, orders(safe), state_topic, is_off, "that it is off")
+    command = CommandPort(port, Level, safe, orders, orders(safe), state_topic, is_off, "that it is off")
     return EntityPorts(readings, [command])
 
 
@@ -369,12 +371,12 @@ def _cover(config: Config, port: str, names: PortNames) -> EntityPorts:
     message_type: type[Message] = Level if set_topic else Switch
     orders = position_orders if set_topic else open_orders
     words = "that it stands still" if stops else "that it stands still, and it cannot be told to"
-    command = Command(port, message_type, None, orders, stops, state_topic, is_still, words)
+    command = CommandPort(port, message_type, None, orders, stops, state_topic, is_still, words)
     readings = []
     if position_topic:
-        readings.append(Reading(names.name(f"{port}_state"), Level, position_topic, read_position))
+        readings.append(StatePort(names.name(f"{port}_state"), Level, position_topic, read_position))
     elif state_topic:
-        readings.append(Reading(names.name(f"{port}_state"), Switch, state_topic, read_open))
+        readings.append(StatePort(names.name(f"{port}_state"), Switch, state_topic, read_open))
     return EntityPorts(readings, [command])
 
 
@@ -399,7 +401,9 @@ def _number_entity(config: Config, port: str, names: PortNames) -> EntityPorts:
     safe = what.make(safe_number)
     readings = [_number_reading(names.name(f"{port}_state"), what, state_topic, template)] if state_topic else []
     words = f"the value {_shown(safe_number)}"
-    return EntityPorts(readings, [Command(port, what.message, safe, orders, orders(safe), state_topic, is_safe, words)])
+    return EntityPorts(
+        readings, [CommandPort(port, what.message, safe, orders, orders(safe), state_topic, is_safe, words)]
+    )
 
 
 def _number_orders(
@@ -411,17 +415,17 @@ def _number_orders(
     return [Order(topic, writes.render(_shown(round(max(least, min(most, number)), 9))) or "")]
 
 
-def _number_reading(port: str, what: Quantity, topic: str, template: Template) -> Reading:
+def _number_reading(port: str, what: Quantity, topic: str, template: Template) -> StatePort:
     def read(payload: str) -> Message | None:
         value = _read_number(template, payload)
         return None if value is None else what.make(value)
 
-    return Reading(port, what.message, topic, read)
+    return StatePort(port, what.message, topic, read)
 
 
 def _button(config: Config, port: str, names: PortNames) -> EntityPorts:  # noqa: ARG001 - as all others
     topic, press = _needed(config, "command_topic"), _words(config, "payload_press", "PRESS")
-    return EntityPorts([], [Command(port, Trigger, None, lambda _: [Order(topic, press)], ())])
+    return EntityPorts([], [CommandPort(port, Trigger, None, lambda _: [Order(topic, press)], ())])
 
 
 def _sensor(config: Config, port: str, names: PortNames) -> EntityPorts:  # noqa: ARG001
@@ -434,7 +438,7 @@ def _sensor(config: Config, port: str, names: PortNames) -> EntityPorts:  # noqa
         text = template.render(payload)
         return None if text is None else Text(text=text[:200])
 
-    return EntityPorts([Reading(port, Text, topic, read)], [])
+    return EntityPorts([StatePort(port, Text, topic, read)], [])
 
 
 def _binary_sensor(config: Config, port: str, names: PortNames) -> EntityPorts:  # noqa: ARG001
@@ -445,7 +449,7 @@ def _binary_sensor(config: Config, port: str, names: PortNames) -> EntityPorts: 
         text = template.render(payload)
         return Switch(on=True) if text == on else Switch(on=False) if text == off else None
 
-    return EntityPorts([Reading(port, Switch, topic, read)], [])
+    return EntityPorts([StatePort(port, Switch, topic, read)], [])
 
 
 _COMPONENTS: Mapping[str, Callable[[Config, str, PortNames], EntityPorts]] = {

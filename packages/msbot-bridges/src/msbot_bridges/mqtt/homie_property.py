@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from msbot.part import Message
 from msbot.part.messages.standard import Colour, Count, Switch, Text, Trigger
 from msbot_bridges.bridge.quantity import NUMBER, Quantity, nearest_to_zero, quantity
-from msbot_bridges.mqtt.device_model import Command, Order, PortNames, Reading
+from msbot_bridges.mqtt.device_model import CommandPort, Order, PortNames, StatePort
 from msbot_xrce.errors import ConfigError
 from msbot_xrce.lazy import dataclass
 
@@ -39,7 +39,7 @@ DATATYPES: Mapping[str, type[Message]] = {
 """What a property without a unit is; a number with a unit is what the unit says."""
 
 
-def homie_ports(one: HomieProperty, names: PortNames) -> tuple[list[Reading], list[Command]]:
+def homie_ports(one: HomieProperty, names: PortNames) -> tuple[list[StatePort], list[CommandPort]]:
     """The ports of a property.
 
     Raises:
@@ -63,7 +63,7 @@ def _names(one: HomieProperty, names: PortNames) -> tuple[str, str]:
     return (plain, names.name(f"{plain}_state")) if one.is_settable else ("", plain)
 
 
-def _boolean(one: HomieProperty, names: PortNames) -> tuple[list[Reading], list[Command]]:
+def _boolean(one: HomieProperty, names: PortNames) -> tuple[list[StatePort], list[CommandPort]]:
     command, reading = _names(one, names)
     state = {"true": True, "false": False}
 
@@ -74,15 +74,17 @@ def _boolean(one: HomieProperty, names: PortNames) -> tuple[list[Reading], list[
         assert isinstance(message, Switch)
         return [Order(f"{one.topic}/set", "true" if message.on else "false")]
 
-    readings = [Reading(reading, Switch, one.topic, read)] if one.is_retained or not one.is_settable else []
+    readings = [StatePort(reading, Switch, one.topic, read)] if one.is_retained or not one.is_settable else []
     if not one.is_settable:
         return readings, []
     if not one.is_retained:  # brew coffee: something that happens once, and has no state
         press = [Order(f"{one.topic}/set", "true")]
-        return [], [Command(command, Trigger, None, lambda _: press, ())]
+        return [], [CommandPort(command, Trigger, None, lambda _: press, ())]
     safe = Switch(on=False)
     stopped = {"false": True, "true": False}
-    return readings, [Command(command, Switch, safe, orders, orders(safe), one.topic, stopped.get, "that it is off")]
+    return readings, [
+        CommandPort(command, Switch, safe, orders, orders(safe), one.topic, stopped.get, "that it is off")
+    ]
 
 
 def _range(text: str) -> tuple[float | None, float | None]:
@@ -105,7 +107,7 @@ def _finite(payload: str) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def _number(one: HomieProperty, names: PortNames) -> tuple[list[Reading], list[Command]]:
+def _number(one: HomieProperty, names: PortNames) -> tuple[list[StatePort], list[CommandPort]]:
     command, reading = _names(one, names)
     least, most = _range(one.format)
     is_whole = one.datatype == "integer"
@@ -126,7 +128,7 @@ def _number(one: HomieProperty, names: PortNames) -> tuple[list[Reading], list[C
         value = max(-math.inf if least is None else least, min(math.inf if most is None else most, value))
         return [Order(f"{one.topic}/set", str(round(value)) if is_whole else f"{value:.9g}")]
 
-    readings = [Reading(reading, what.message, one.topic, read)]
+    readings = [StatePort(reading, what.message, one.topic, read)]
     if not one.is_settable:
         return readings, []
     safe_number = nearest_to_zero(least, most)
@@ -139,13 +141,13 @@ def _number(one: HomieProperty, names: PortNames) -> tuple[list[Reading], list[C
 
     safe: Message = Count(value=round(safe_number)) if what is _COUNT else what.make(safe_number)
     words = f"the value {safe_number:g}"
-    return readings, [Command(command, what.message, safe, orders, orders(safe), one.topic, is_safe, words)]
+    return readings, [CommandPort(command, what.message, safe, orders, orders(safe), one.topic, is_safe, words)]
 
 
 _COUNT = Quantity(Count, "value")
 
 
-def _text(one: HomieProperty, names: PortNames) -> tuple[list[Reading], list[Command]]:
+def _text(one: HomieProperty, names: PortNames) -> tuple[list[StatePort], list[CommandPort]]:
     """Words: nothing is known about what they do, so there is no safe value."""
     command, reading = _names(one, names)
     choices = one.format.split(",") if one.datatype == "enum" else []
@@ -159,11 +161,11 @@ def _text(one: HomieProperty, names: PortNames) -> tuple[list[Reading], list[Com
             return ()
         return [Order(f"{one.topic}/set", message.text)]
 
-    readings = [Reading(reading, Text, one.topic, read)]
-    return readings, [Command(command, Text, None, orders, ())] if one.is_settable else []
+    readings = [StatePort(reading, Text, one.topic, read)]
+    return readings, [CommandPort(command, Text, None, orders, ())] if one.is_settable else []
 
 
-def _colour(one: HomieProperty, names: PortNames) -> tuple[list[Reading], list[Command]]:
+def _colour(one: HomieProperty, names: PortNames) -> tuple[list[StatePort], list[CommandPort]]:
     """`r,g,b` in Homie 4, `rgb,r,g,b` in Homie 5."""
     command, reading = _names(one, names)
     prefix = "rgb," if one.topic.split("/")[1:2] == ["5"] else ""
@@ -185,7 +187,9 @@ def _colour(one: HomieProperty, names: PortNames) -> tuple[list[Reading], list[C
         told = read(payload)
         return None if told is None else told == black
 
-    readings = [Reading(reading, Colour, one.topic, read)]
+    readings = [StatePort(reading, Colour, one.topic, read)]
     if not one.is_settable:
         return readings, []
-    return readings, [Command(command, Colour, black, orders, orders(black), one.topic, is_black, "that it is black")]
+    return readings, [
+        CommandPort(command, Colour, black, orders, orders(black), one.topic, is_black, "that it is black")
+    ]

@@ -12,7 +12,7 @@ from collections.abc import Callable
 
 from msbot.part import Message
 from msbot_bridges.bridge import DeviceOutput, ForeignDevice, Input, Report, Value
-from msbot_bridges.mqtt.device_model import Command, DeviceModel, Order
+from msbot_bridges.mqtt.device_model import CommandPort, DeviceModel, Order
 
 AGAIN_S = (0.0, 0.2, 0.5, 1.0, 2.0, 5.0)
 """Times between the orders of one STOP, as long as it is not confirmed; the last one holds."""
@@ -45,7 +45,7 @@ class MqttDevice(ForeignDevice):
         self._commands = {one.port: one for one in model.commands}
         self._newest: dict[str, Message] = {}
         self._report: Report | None = None
-        self._unconfirmed = dict[str, Command]()
+        self._unconfirmed = dict[str, CommandPort]()
         self._reported_safe = set[str]()
         """Ports whose newest report is their safe value."""
         self._unanswered = set[str]()
@@ -141,7 +141,7 @@ class MqttDevice(ForeignDevice):
         if was_waiting and not self._unconfirmed:
             self._news(self)
 
-    def _judge(self, command: Command, *, is_safe: bool, is_old: bool) -> None:
+    def _judge(self, command: CommandPort, *, is_safe: bool, is_old: bool) -> None:
         port = command.port
         if not is_safe:
             self._reported_safe.discard(port)
