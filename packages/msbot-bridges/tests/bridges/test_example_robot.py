@@ -5,6 +5,8 @@ from __future__ import annotations
 import asyncio
 import json
 import shutil
+import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -72,4 +74,20 @@ def test_the_example_runs(tmp_path: Path) -> None:
             while (report := json.loads(run("stop", "--json", cwd=folder, env=state).stdout)) and report.get("silent"):
                 assert time.monotonic() < until, report
             assert json.loads(kept(port, "msbot-lamp/1/state"))["state"] == "OFF"
-            master.end()  # it ends its simulated devices; one that is killed cannot
+            master.end()
+
+
+def test_a_simulated_device_ends_with_the_process_that_began_it_however_that_ends(tmp_path: Path) -> None:
+    """A process that is killed cannot end others; but its end of their standard input is closed."""
+    words = ("modbus", "--simulate", "devices", "--link", f"tcp:127.0.0.1:{free_port()}")
+    table = ("--option", f"table={EXAMPLE / 'pump.toml'}")
+    arguments = [sys.executable, "-m", "msbot", "bridge", *words, *table, "--end-with-stdin"]
+    device = subprocess.Popen(arguments, cwd=tmp_path, stdin=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    assert device.stdin is not None
+    assert device.stderr is not None
+    while "Ctrl-C ends it" not in (line := device.stderr.readline()):
+        assert line, "it runs"
+    assert device.poll() is None
+    device.stdin.close()
+    assert device.wait(PATIENCE_S) == 0
+    device.stderr.close()

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import logging
+import os
+import threading
 from collections.abc import Coroutine, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -39,6 +42,7 @@ if TYPE_CHECKING:
     help="Be a simulated device there, instead of a bridge; --option as well.",
 )
 @click.option("-q", "--quiet", is_flag=True, help="Say only what is wrong.")
+@click.option("--end-with-stdin", is_flag=True, hidden=True)
 @json_option
 def command(
     world: str,
@@ -48,6 +52,7 @@ def command(
     options: tuple[str, ...],
     simulate: str,
     quiet: bool,
+    end_with_stdin: bool,
     as_json: bool,
 ) -> None:
     """Bring the devices of WORLD into a robot, until Ctrl-C; without WORLD, list what can be bridged.
@@ -68,7 +73,7 @@ def command(
         raise ConfigError(f"say where the devices are: msbot bridge {world} --link {kind.example}")
     link = _link(address, options)
     if simulate:
-        _simulate(world, kind, simulate, link, quiet=quiet)
+        _simulate(world, kind, simulate, link, quiet=quiet, end_with_stdin=end_with_stdin)
         return
     kind.check(world, link)
     _bridge(kind, link, robot_link, quiet=quiet)
@@ -130,16 +135,25 @@ def _bridge(kind: WorldKind, link: BridgeLink, robot_link: str, *, quiet: bool) 
 
 
 class _Simulation:
-    """A simulated device that runs until it is told to end."""
+    """A simulated device that runs until it is told to end.
 
-    def __init__(self, device: SimulatedDevice) -> None:
+    Args:
+        device: the device.
+        end_with_stdin: it ends with the process that holds the other end of its standard input, however that ends.
+    """
+
+    def __init__(self, device: SimulatedDevice, *, end_with_stdin: bool) -> None:
         self._device = device
         self._ended = asyncio.Event()
+        self._end_with_stdin = end_with_stdin
 
     def end(self) -> None:
         self._ended.set()
 
     async def run(self) -> None:
+        if self._end_with_stdin:
+            # A thread, because not every system's event loop can wait for any standard input.
+            threading.Thread(target=self._wait_for_stdin, args=(asyncio.get_running_loop(),), daemon=True).start()
         running = asyncio.create_task(self._device.run())
         ending = asyncio.create_task(self._ended.wait())
         await asyncio.wait([running, ending], return_when=asyncio.FIRST_COMPLETED)
@@ -149,8 +163,14 @@ class _Simulation:
         if not running.cancelled() and (error := running.exception()) is not None:
             raise error
 
+    def _wait_for_stdin(self, loop: asyncio.AbstractEventLoop) -> None:
+        while os.read(0, 1024):
+            pass
+        with contextlib.suppress(RuntimeError):  # the loop has ended
+            loop.call_soon_threadsafe(self.end)
 
-def _simulate(world: str, kind: WorldKind, name: str, link: BridgeLink, *, quiet: bool) -> None:
+
+def _simulate(world: str, kind: WorldKind, name: str, link: BridgeLink, *, quiet: bool, end_with_stdin: bool) -> None:
     from msbot.cli.run.host import run_until_told
 
     make_device = kind.simulated.get(name)
@@ -159,7 +179,7 @@ def _simulate(world: str, kind: WorldKind, name: str, link: BridgeLink, *, quiet
         raise ConfigError(f"--simulate {name}: of {world} there can be simulated: {known}")
 
     def make() -> tuple[Endable, Coroutine[object, object, None]]:
-        simulation = _Simulation(make_device(link, link.options))
+        simulation = _Simulation(make_device(link, link.options), end_with_stdin=end_with_stdin)
         logging.getLogger("msbot.part").info("%s %s on %s; Ctrl-C ends it", world, name, link.address)
         return simulation, simulation.run()
 

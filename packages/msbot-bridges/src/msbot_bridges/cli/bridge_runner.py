@@ -103,9 +103,10 @@ async def _run_device(table: BridgeTable, device: str) -> None:
     """One simulated device in a process of its own; one that ends stays away, as if it was pulled out."""
     name, options = _device(_kind(table), table, device)
     words = [word for option, value in options.items() for word in ("--option", f"{option}={value}")]
-    arguments = ["bridge", table.world, "--simulate", name, "--link", table.link, "--quiet", *words]
+    arguments = ["bridge", table.world, "--simulate", name, "--link", table.link, "--quiet", "--end-with-stdin", *words]
+    # It ends with this process even if that is killed: its standard input ends then.
     process = await asyncio.create_subprocess_exec(
-        sys.executable, "-m", "msbot", *arguments, stdin=asyncio.subprocess.DEVNULL
+        sys.executable, "-m", "msbot", *arguments, stdin=asyncio.subprocess.PIPE
     )
     _log.info("simulated %s of %s: process %d", device, table.world, process.pid)
     try:
