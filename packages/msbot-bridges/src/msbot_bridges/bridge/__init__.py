@@ -6,6 +6,7 @@ STOP.
 
 from msbot_bridges.bridge.bridge import Bridge
 from msbot_bridges.bridge.bridged_part import BridgedPart
+from msbot_bridges.bridge.can_claim import CanClaim, Identifiers, Traffic
 from msbot_bridges.bridge.contract import (
     BridgeLink,
     DeviceIdentity,
@@ -29,14 +30,17 @@ __all__ = [
     "Bridge",
     "BridgeLink",
     "BridgedPart",
+    "CanClaim",
     "DeviceIdentity",
     "DeviceOutput",
     "DeviceSetting",
     "Fit",
     "ForeignDevice",
+    "Identifiers",
     "Input",
     "Report",
     "SimulatedDevice",
+    "Traffic",
     "Value",
     "World",
     "WorldHost",

@@ -17,6 +17,7 @@ from typing import Any, Protocol
 from msbot.part import Message
 from msbot.part.join.pnp_messages import TEXT_OCTETS, UID_OCTETS
 from msbot_agent.startup.extensions import extensions
+from msbot_bridges.bridge.can_claim import CanClaim
 from msbot_xrce.errors import ConfigError
 from msbot_xrce.lazy import dataclass
 
@@ -261,6 +262,8 @@ class WorldKind:
     """What can be simulated, by name."""
     fits: Callable[[], Sequence[Fit]] = tuple
     """Which standard messages its devices send, and are driven by; without its library."""
+    can: CanClaim | None = None
+    """What it takes of a CAN bus; None: its devices are on none."""
 
     def check(self, name: str, link: BridgeLink) -> None:
         """Refuse options that this kind of world does not have.

@@ -6,7 +6,16 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from msbot_bridges.bridge import BridgeLink, Fit, SimulatedDevice, World, WorldKind
+from msbot_bridges.bridge import (
+    BridgeLink,
+    CanClaim,
+    Fit,
+    Identifiers,
+    SimulatedDevice,
+    Traffic,
+    World,
+    WorldKind,
+)
 from msbot_bridges.canbus import check_address
 from msbot_xrce.errors import ConfigError
 
@@ -62,6 +71,26 @@ def _fits() -> Sequence[Fit]:
     return mapping_fits()
 
 
+CLAIM = CanClaim(
+    (
+        Identifiers("NMT", 0x000, 0x000),
+        Identifiers("SYNC and EMCY", 0x080, 0x0FF),
+        Identifiers("TIME", 0x100, 0x100),
+        Identifiers("PDOs", 0x180, 0x57F),
+        Identifiers("SDO", 0x580, 0x67F),
+        Identifiers("heartbeat", 0x700, 0x77F),
+        Identifiers("LSS", 0x7E4, 0x7E5),
+    ),
+    (10_000, 20_000, 50_000, 100_000, 125_000, 250_000, 500_000, 800_000, 1_000_000),
+    traffic=(
+        Traffic("heartbeat of the bridge", 0x77F, 1, 4, of_bridge=True),
+        Traffic("heartbeat", 0x705, 1, 2),
+        Traffic("reports", 0x185, 8, 5),
+        Traffic("orders", 0x205, 8, 5),
+    ),
+)
+"""By the predefined connection set of CiA 301; a device is told to report each 200 ms."""
+
 WORLD = WorldKind(
     "CANopen drives (CiA 402), inputs and outputs (CiA 401), devices with an EDS",
     "socketcan:can0?bitrate=500000",
@@ -69,4 +98,5 @@ WORLD = WorldKind(
     options={"eds": "a folder with EDS files"},
     simulated={"drive": _drive, "io": _io},
     fits=_fits,
+    can=CLAIM,
 )

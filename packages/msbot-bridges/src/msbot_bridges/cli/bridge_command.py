@@ -76,6 +76,7 @@ def command(
         _simulate(world, kind, simulate, link, quiet=quiet, end_with_stdin=end_with_stdin)
         return
     kind.check(world, link)
+    _check_bus(world, kind, address, robot_link)
     _bridge(kind, link, robot_link, quiet=quiet)
 
 
@@ -108,6 +109,15 @@ def _link(address: str, options: tuple[str, ...]) -> BridgeLink:
             raise ConfigError(f"--option {option}: write NAME=VALUE")
         given[name] = value
     return BridgeLink(address, given)
+
+
+def _check_bus(world: str, kind: WorldKind, address: str, robot_link: str) -> None:
+    """Refuse the bus of the robot's own parts where the devices of this world cannot be on it."""
+    from msbot_bridges.canbus import OnBus, check_one_bus, robot_on_bus
+
+    robot = robot_on_bus(robot_link)
+    if kind.can is not None and robot is not None:
+        check_one_bus([OnBus(world, address, kind.can), robot])
 
 
 def _bridge(kind: WorldKind, link: BridgeLink, robot_link: str, *, quiet: bool) -> None:

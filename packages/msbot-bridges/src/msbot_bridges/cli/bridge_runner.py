@@ -6,15 +6,17 @@ import asyncio
 import contextlib
 import logging
 import sys
-from collections.abc import Callable, Coroutine, Sequence
+from collections.abc import Callable, Coroutine, Mapping, Sequence
 from typing import Final
 
+from msbot.cli.run.bridges_beside import BridgeBus
 from msbot.config import BridgeTable
 from msbot.part import Part
 from msbot.part.join.part_keys import given_key
 from msbot.part.join.pnp_messages import Nature
 from msbot_agent.link import Link
 from msbot_bridges.bridge import Bridge, BridgeLink, World, WorldKind, worlds
+from msbot_bridges.canbus import OnBus, check_one_bus, robot_on_bus
 from msbot_xrce.errors import ConfigError, LinkDown
 
 AGAIN_S: Final = 5.0
@@ -27,7 +29,7 @@ Work = Coroutine[object, object, None]
 class BlueprintBridges:
     """See `msbot.cli.run.bridges_beside.BridgeRunner`."""
 
-    def check(self, bridges: Sequence[BridgeTable]) -> None:
+    def check(self, bridges: Sequence[BridgeTable], links: Sequence[str] = ()) -> None:
         """See `BridgeRunner`."""
         seen = set[tuple[str, str]]()
         for table in bridges:
@@ -39,6 +41,31 @@ class BlueprintBridges:
             for device in table.simulate:
                 name, options = _device(kind, table, device)
                 kind.simulated[name](BridgeLink(table.link, options), options)
+        robots = [one for link in links if (one := robot_on_bus(link)) is not None]
+        try:
+            check_one_bus(_on_buses(bridges))
+            for robot in robots:
+                check_one_bus([*_on_buses(bridges), robot])
+        except ConfigError as error:
+            raise ConfigError(f"[[bridge]]: {error}") from error
+
+    def buses(self, bridges: Sequence[BridgeTable]) -> list[BridgeBus]:
+        """See `BridgeRunner`."""
+        devices = {(table.world, table.link): len(table.simulate) for table in bridges}
+        by_bus: dict[tuple[str, str], list[OnBus]] = {}
+        for one in _on_buses(bridges):
+            by_bus.setdefault(one.bus, []).append(one)
+        return [
+            BridgeBus(
+                together[0].address,
+                tuple(one.who for one in together),
+                sum(_devices(one, devices) for one in together),
+                sum(one.claim.frames_per_s(_devices(one, devices)) for one in together),
+                sum(one.claim.bits_per_s(_devices(one, devices)) for one in together),
+                next((one.bitrate for one in together if one.bitrate), None),
+            )
+            for together in by_bus.values()
+        ]
 
     def coroutines(
         self, bridges: Sequence[BridgeTable], connect: Callable[[Part], Link], say: Callable[[str], None]
@@ -51,6 +78,16 @@ class BlueprintBridges:
 
 
 RUNNER = BlueprintBridges()
+
+
+def _on_buses(bridges: Sequence[BridgeTable]) -> list[OnBus]:
+    """The bridges of devices on CAN."""
+    return [OnBus(table.world, table.link, claim) for table in bridges if (claim := _kind(table).can) is not None]
+
+
+def _devices(one: OnBus, simulated: Mapping[tuple[str, str], int]) -> int:
+    """So many are expected: those that are simulated, or else one."""
+    return simulated[one.who, one.address] or 1
 
 
 def _kind(table: BridgeTable) -> WorldKind:

@@ -5,7 +5,16 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from msbot_bridges.bridge import BridgeLink, Fit, SimulatedDevice, World, WorldKind
+from msbot_bridges.bridge import (
+    BridgeLink,
+    CanClaim,
+    Fit,
+    Identifiers,
+    SimulatedDevice,
+    Traffic,
+    World,
+    WorldKind,
+)
 from msbot_bridges.canbus import check_address
 from msbot_xrce.errors import ConfigError
 
@@ -46,10 +55,22 @@ def _fits() -> Sequence[Fit]:
     return node_fits()
 
 
+CLAIM = CanClaim(
+    (Identifiers("messages and services", 0, 0x1FFFFFFF, extended=True),),
+    traffic=(
+        Traffic("NodeStatus of the bridge", 0x1001557E, 8, 1, of_bridge=True),
+        Traffic("NodeStatus", 0x1001552A, 8, 1),
+        Traffic("reports, two frames each", 0x1003F32A, 8, 20),
+        Traffic("orders", 0x0803F27E, 5, 10),
+    ),
+)
+"""Priority, type and source may have any value. Nodes report and are told 10 times a second."""
+
 WORLD = WorldKind(
     "DroneCAN servos, motor controllers, range finders, batteries",
     "socketcan:can0",
     open_world,
     simulated={"servo": _servo},
     fits=_fits,
+    can=CLAIM,
 )

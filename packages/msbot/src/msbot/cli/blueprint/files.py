@@ -10,8 +10,12 @@ import click
 from msbot.cli.change.robot_access import one_robot
 from msbot.cli.database_place import DEFAULT_BLUEPRINT, existing_database
 from msbot.cli.robot_options import db_option, library_option, mistakes_told, robot_option
+from msbot.cli.run.bridges_beside import check_bridges
 from msbot.config import Blueprint, Library, blueprint_toml, open_blueprint, write_sample
+from msbot.part.run import CAN
 from msbot.registry import open_registry
+from msbot_agent.link import open_link
+from msbot_agent.toml.problems import FileLocation, Problems
 from msbot_xrce.counting import amount
 from msbot_xrce.errors import ConfigError
 
@@ -19,14 +23,24 @@ from msbot_xrce.errors import ConfigError
 @click.command("check")
 @click.argument("blueprint", type=click.Path(path_type=Path), default=DEFAULT_BLUEPRINT)
 @library_option
+@click.option(
+    "--link",
+    "links",
+    metavar="ADDRESS",
+    multiple=True,
+    help="Where parts will come in (msbot master --link): whether bridges can share that bus.",
+)
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object: problems and hints.")
-def check_command(blueprint: Path, folders: tuple[Path, ...], *, as_json: bool) -> None:
+def check_command(blueprint: Path, folders: tuple[Path, ...], links: tuple[str, ...], *, as_json: bool) -> None:
     """Check BLUEPRINT (robot.toml) against the part library.
 
     Every problem is shown with file, line and key; status 2 when there are any. Hints are not mistakes.
     """
     with mistakes_told(as_json=as_json, hints=[]):
         robot, library = open_blueprint(blueprint, *folders)
+        for link in links:
+            open_link(link, serve=True, can=CAN)
+        _check_bridges(blueprint, robot, links)
     told = hints(robot, library)
     if as_json:
         click.echo(json.dumps({"problems": [], "hints": told}))
@@ -34,6 +48,16 @@ def check_command(blueprint: Path, folders: tuple[Path, ...], *, as_json: bool) 
     for hint in told:
         click.echo(f"hint: {hint}")
     click.echo(f"{blueprint} is in order: {_counted(robot)}.")
+
+
+def _check_bridges(path: Path, robot: Blueprint, links: tuple[str, ...]) -> None:
+    """As `msbot master` does; a mistake is one of the file."""
+    try:
+        check_bridges(robot, links)
+    except ConfigError as error:
+        problems = Problems()
+        problems.add(FileLocation(str(path), path=("bridge",)), str(error).removeprefix("[[bridge]]: "))
+        problems.raise_if_any()
 
 
 def hints(blueprint: Blueprint, library: Library) -> list[str]:

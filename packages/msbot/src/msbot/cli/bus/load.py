@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Final
 
 from msbot.cli.bus.bus_source import Listening, open_bus
+from msbot.cli.run.bridges_beside import BridgeBus, bridge_buses
 from msbot.config import Blueprint, open_blueprint
 from msbot.pnp import Flow, Forecast, forecast
 from msbot_agent.link.can.protocol import (
@@ -76,7 +77,19 @@ def load_report(path: Path, folders: Sequence[Path], bus: Bus, sizes: Mapping[st
     )
     if as_json:
         return json.dumps(_forecast_as_json(blueprint, found, other, bus))
-    return "\n".join([*_table(blueprint, found, bus), *_remarks(blueprint, found, other, bus)])
+    bridged = [_bridge_words(one, bus.bitrate) for one in bridge_buses(blueprint)]
+    return "\n".join([*_table(blueprint, found, bus), *_remarks(blueprint, found, other, bus), *bridged])
+
+
+def _bridge_words(one: BridgeBus, otherwise: int) -> str:
+    """A bus of bridges, which is not that of the robot's own parts."""
+    bitrate = one.bitrate or otherwise
+    load = one.bits_per_s / bitrate
+    words = (
+        f"Besides, {' and '.join(one.worlds)} on {one.address}, with {amount(one.devices, 'device')}: about "
+        f"{one.frames_per_s:.0f} frames/s, {load:.1%} of {bitrate / 1000:g} kbit/s"
+    )
+    return f"{words}; that does not fit the bus." if load > 1 else f"{words}."
 
 
 def _table(blueprint: Blueprint, found: Forecast, bus: Bus) -> list[str]:
@@ -141,6 +154,16 @@ def _forecast_as_json(blueprint: Blueprint, found: Forecast, other: Forecast, bu
                 "data_bits": round(flow.cost.data_bits, 2),
             }
             for flow in found.flows
+        ],
+        "bridge_buses": [
+            {
+                "link": one.address,
+                "worlds": list(one.worlds),
+                "devices": one.devices,
+                "frames_per_s": round(one.frames_per_s, 1),
+                "load_percent": round(100 * one.bits_per_s / (one.bitrate or bus.bitrate), 4),
+            }
+            for one in bridge_buses(blueprint)
         ],
         "assumed_bytes": dict(found.assumed),
         "not_counted": list(found.on_event),

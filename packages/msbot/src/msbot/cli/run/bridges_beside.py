@@ -12,20 +12,42 @@ from msbot_agent.link import InprocHub, Link
 from msbot_agent.startup.extensions import extensions
 from msbot_agent.text.sentence import said
 from msbot_xrce.errors import ConfigError
+from msbot_xrce.lazy import dataclass
 
 GROUP = "bridge_runners"
+
+
+@dataclass(frozen=True, slots=True)
+class BridgeBus:
+    """A CAN bus on which bridges have devices, and an estimate of what is sent there."""
+
+    address: str
+    worlds: tuple[str, ...]
+    devices: int
+    """So many are reckoned with: those that the blueprint simulates, or else one for each bridge."""
+    frames_per_s: float
+    bits_per_s: float
+    bitrate: int | None
+    """None: the address does not say."""
 
 
 @runtime_checkable
 class BridgeRunner(Protocol):
     """Runs bridges; brought by the distribution that has them."""
 
-    def check(self, bridges: Sequence[BridgeTable]) -> None:
-        """Refuse what makes no sense.
+    def check(self, bridges: Sequence[BridgeTable], links: Sequence[str] = ()) -> None:
+        """Refuse what makes no sense, and what cannot be on one bus with each other or with the robot's own parts.
+
+        Args:
+            bridges: all of the blueprint.
+            links: where the robot's own parts come in.
 
         Raises:
             ConfigError: the text says what would be right.
         """
+
+    def buses(self, bridges: Sequence[BridgeTable]) -> Sequence[BridgeBus]:
+        """The CAN buses of these bridges."""
 
     def coroutines(
         self, bridges: Sequence[BridgeTable], connect: Callable[[Part], Link], say: Callable[[str], None]
@@ -33,14 +55,27 @@ class BridgeRunner(Protocol):
         """What runs beside the master, until cancelled; the parts reach it by the links that `connect` makes."""
 
 
-def check_bridges(blueprint: Blueprint) -> None:
+def check_bridges(blueprint: Blueprint, links: Sequence[str] = ()) -> None:
     """Refuse bridges that cannot run; called before anything is opened.
+
+    Args:
+        blueprint: names them.
+        links: where the robot's own parts come in.
 
     Raises:
         ConfigError: the text says what would be right.
     """
     if blueprint.bridges:
-        _runner().check(blueprint.bridges)
+        _runner().check(blueprint.bridges, links)
+
+
+def bridge_buses(blueprint: Blueprint) -> Sequence[BridgeBus]:
+    """The CAN buses on which the bridges of a blueprint have devices.
+
+    Raises:
+        ConfigError: a bridge cannot run; the text says what would be right.
+    """
+    return _runner().buses(blueprint.bridges) if blueprint.bridges else ()
 
 
 def bridges_beside(

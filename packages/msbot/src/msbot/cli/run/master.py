@@ -178,7 +178,7 @@ def command(
     own_group()  # as below
     log_wishes.set_up(logging.INFO if verbose else logging.WARNING)
     robot, library = open_blueprint(blueprint, *folders)
-    check_bridges(robot)
+    check_bridges(robot, addresses)
     description = read_description(robot)
     for address in addresses:
         open_link(address, serve=True, can=CAN)  # report mistakes before the database is touched

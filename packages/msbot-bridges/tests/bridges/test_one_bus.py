@@ -1,0 +1,125 @@
+"""Who may be on one CAN bus: bridges with each other, and with the robot's own parts; and how busy it will be."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from msbot.cli.blueprint.files import check_command
+from msbot.cli.bus.bus_commands import command as bus_command
+from msbot.config import SAMPLE_ROBOT_TOML, BridgeTable
+from msbot_agent.link.can.protocol import CanIds
+from msbot_agent.link.can.protocol.ids import Assign, assign_frame, join_frame
+from msbot_bridges.bridge import CanClaim, Identifiers, worlds
+from msbot_bridges.canbus import OnBus, check_one_bus, robot_on_bus
+from msbot_bridges.cli.bridge_command import command as bridge_command
+from msbot_bridges.cli.bridge_runner import RUNNER
+from msbot_xrce.errors import ConfigError
+
+pytest.importorskip("canopen")
+pytest.importorskip("dronecan")
+
+CAN0 = "socketcan:can0?bitrate=500000"
+
+
+@pytest.mark.parametrize(
+    ("tables", "links", "words"),
+    [
+        (
+            [("canopen", CAN0)],
+            ["can:can0"],
+            r"PDOs \(0x180 to 0x57f\) of canopen and master to parts \(0x181 to 0x1f8\)",
+        ),
+        (
+            [("canopen", "msbot:x")],
+            ["udp:127.0.0.1:0", "sim:x"],
+            "on msbot:x and the robot's own parts on sim:x are on",
+        ),
+        (
+            [("dronecan", "socketcan:can0")],
+            ["can:can0?bitrate=500000"],
+            "ASSIGN .* in 29 bits.* of the robot's own parts",
+        ),
+        ([("dronecan", "slcan:/dev/ttyACM0")], ["can:slcan:/dev/ttyACM0"], "use a bus for each, with an adapter"),
+        ([("canopen", CAN0)], ["can:can0?bitrate=250000"], "cannot have 500000 and 250000 bit/s; give both the same"),
+        ([("canopen", CAN0)], ["can:can0?fd=1"], "canopen would destroy the CAN FD frames of the robot's own parts"),
+        ([("dronecan", CAN0)], ["canfd:can0"], "would destroy the CAN FD frames"),
+        ([("canopen", CAN0), ("dronecan", "socketcan:can0?bitrate=1000000")], [], "500000 and 1000000 bit/s"),
+        ([("canopen", "msbot:x?bitrate=123456")], [], "its devices have no 123456 bit/s, but one of 10000"),
+        ([("canopen", "msbot:x"), ("canopen", "msbot:x?bitrate=500000")], [], "one finds all devices"),
+    ],
+)
+def test_a_bus_on_which_two_disturb_each_other_is_refused(
+    tables: list[tuple[str, str]], links: list[str], words: str
+) -> None:
+    with pytest.raises(ConfigError, match=words):
+        RUNNER.check([BridgeTable(*one) for one in tables], links)
+
+
+def test_buses_that_can_be_are_taken() -> None:
+    bridges = [BridgeTable("canopen", CAN0), BridgeTable("dronecan", "socketcan:can0"), BridgeTable("mqtt", "mqtt://x")]
+    RUNNER.check(bridges, ["can:can1?bitrate=250000", "sim:can0", "can-legacy:can0", "udp:127.0.0.1:0"])
+
+
+def test_a_world_apart_may_share_the_bus_of_the_robots_parts() -> None:
+    robot = robot_on_bus("sim:x")
+    assert robot is not None
+    apart = OnBus("apart", "msbot:x", CanClaim((Identifiers("all", 0x400, 0x6FF),)))
+    check_one_bus([robot, apart])
+
+
+def test_the_robots_identifiers_are_those_of_its_frames() -> None:
+    robot = robot_on_bus("can:can0")
+    assert robot is not None
+    ids = CanIds()
+    frames = [join_frame(bytes(range(1, 9)), 3, ids), assign_frame(Assign(bytes(8), 120, 16383, 1), ids)]
+    for frame in frames:
+        assert any(one.extended and one.first <= frame.can_id <= one.last for one in robot.claim.identifiers)
+
+
+@pytest.mark.parametrize("world", ["canopen", "dronecan"])
+def test_the_traffic_of_a_world_has_identifiers_of_that_world(world: str) -> None:
+    claim = worlds()[world].can
+    assert claim is not None
+    for one in claim.traffic:
+        assert any(ids.first <= one.can_id <= ids.last for ids in claim.identifiers), one
+    assert claim.bits_per_s(2) - claim.bits_per_s(1) == pytest.approx(claim.bits_per_s(1) - claim.bits_per_s(0))
+
+
+def blueprint(folder: Path, *bridges: str) -> str:
+    tables = "".join(f"\n[[bridge]]\n{one}\n" for one in bridges)
+    (folder / "robot.toml").write_text(SAMPLE_ROBOT_TOML + tables)
+    return str(folder / "robot.toml")
+
+
+def test_msbot_check_refuses_a_shared_bus(tmp_path: Path) -> None:
+    path = blueprint(tmp_path, 'world = "canopen"\nlink = "msbot:classroom"')
+    assert CliRunner().invoke(check_command, [path, "--link", "udp:127.0.0.1:0"]).exit_code == 0
+    refused = CliRunner().invoke(check_command, [path, "--link", "sim:classroom"])
+    assert isinstance(refused.exception, ConfigError)
+    assert "robot.toml, bridge: canopen on msbot:classroom" in str(refused.exception)
+    told = CliRunner().invoke(check_command, [path, "--link", "sim:classroom", "--json"])
+    assert (told.exit_code, json.loads(told.output)["problems"][0]["key"]) == (2, "bridge")
+    wrong = CliRunner().invoke(check_command, [path, "--link", "cam:classroom"])
+    assert "unknown kind of link" in str(wrong.exception)
+
+
+def test_msbot_bridge_refuses_the_bus_of_its_robot() -> None:
+    refused = CliRunner().invoke(bridge_command, ["dronecan", "--link", "msbot:x", "--robot-link", "sim:x"])
+    assert "are on one bus" in str(refused.exception)
+
+
+def test_the_forecast_has_the_buses_of_bridges(tmp_path: Path) -> None:
+    path = blueprint(
+        tmp_path,
+        'world = "canopen"\nlink = "msbot:x?bitrate=125000"\nsimulate = ["drive", "io"]',
+        'world = "dronecan"\nlink = "msbot:x"',
+    )
+    text = CliRunner().invoke(bus_command, ["load", path]).output
+    assert text.splitlines()[-1].startswith("Besides, canopen and dronecan on msbot:x?bitrate=125000, with 3 devices:")
+    (bus,) = json.loads(CliRunner().invoke(bus_command, ["load", path, "--json"]).output)["bridge_buses"]
+    assert (bus["worlds"], bus["devices"]) == (["canopen", "dronecan"], 3)
+    assert 1 < bus["load_percent"] < 20
