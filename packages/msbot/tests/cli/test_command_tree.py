@@ -21,7 +21,7 @@ NO_FACTS = {
     ))), RUNS),
     **dict.fromkeys(("board run", "board shell", "play", "relay", "gateway", "router"), RUNS),
     **dict.fromkeys(("init", "export", "completion", "idl to-python", "idl to-idl", "idl to-c"), WRITES),
-    **dict.fromkeys(("rec save", "log filter", "log export"), WRITES),
+    **dict.fromkeys(("rec save", "log filter", "log export", "library ros-package"), WRITES),
     **dict.fromkeys((
         "library add", "db migrate", "db backup", "db restore", "service install", "service remove", "user role",
         "user remove", "key board", "key remove", "bus send", "board reset", "rec start", "rec stop",

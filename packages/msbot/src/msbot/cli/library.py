@@ -33,6 +33,7 @@ from msbot_agent.cli.options import json_option
 from msbot_agent.cli.table import columns_here, table_lines
 from msbot_agent.text.similar_names import instead_of
 from msbot_agent.text.untrusted_input import read_input_file
+from msbot_xrce.counting import amount
 from msbot_xrce.errors import ConfigError
 
 
@@ -126,6 +127,29 @@ def add(what: str, folder: Path) -> None:
 
     path = add_file(Path(what), folder) if what.endswith(".toml") else add_template(what, folder)
     click.echo(f'{path} is written. Name its folder at the top of robot.toml:  library = ["{folder}"]')
+
+
+@command.command("ros-package")
+@click.argument("folder", type=click.Path(path_type=Path))
+@click.option("--package", metavar="NAME", help="The name of the ROS package; else msbot_msgs.")
+@library_option
+def ros_package(folder: Path, package: str | None, folders: tuple[Path, ...]) -> None:
+    """Write the message types and services of the library as a ROS 2 interface package.
+
+    The new FOLDER gets a .msg for each message type and a .srv for each service of a part. Put it into the src of a ROS
+    workspace and run `colcon build`; in the blueprint `ros_type` names the service.
+    """
+    from msbot.cli import ros_package as writer
+    from msbot.recording.recorder.schemas import PACKAGE
+
+    library, package = library_here(folders), package or PACKAGE
+    files = writer.package_files(library, package)
+    writer.write_package(files, folder)
+    services = writer.services_of(library)
+    messages = amount(sum(path.startswith("msg/") for path in files), "message")
+    click.echo(f"{folder} is written: {messages}, {amount(len(services), 'service')}.")
+    for one in services:
+        click.echo(f'  {one}:  ros_type = "{package}/srv/{writer.service_stem(one)}"')
 
 
 @command.command("forget")

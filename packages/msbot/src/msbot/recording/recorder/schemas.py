@@ -63,11 +63,11 @@ def _short(cls: type[Message]) -> str:
 def _lines(cls: type[Message], inside: dict[type[Message], None]) -> str:
     hints = get_type_hints(cls, include_extras=True)
     fields = {name: kind for name, kind in hints.items() if get_origin(kind) is not ClassVar}
-    names = _field_names(list(fields))
+    names = ros_field_names(list(fields))
     return "\n".join(f"{_word(kind, inside)} {name}" for name, kind in zip(names, fields.values(), strict=True))
 
 
-def _field_names(names: list[str]) -> list[str]:
+def ros_field_names(names: Sequence[str]) -> list[str]:
     """The names as ROS 2 allows them: small letters, digits and single underscores between them."""
     allowed: list[str] = []
     for name in names:
