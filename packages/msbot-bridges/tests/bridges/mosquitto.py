@@ -77,3 +77,11 @@ def wait_until_kept(port: int, topic: str, text: str) -> None:
     while (found := kept(port, topic)) != text:
         assert time.monotonic() < until, f"{topic} is {found!r}, and not {text!r}"
         time.sleep(0.1)
+
+
+def wait_until_near(port: int, topic: str, number: float) -> None:
+    """Until the broker keeps a number within a half of this one for a topic."""
+    until = time.monotonic() + PATIENCE_S
+    while not (found := kept(port, topic)) or abs(float(found) - number) > 0.5:
+        assert time.monotonic() < until, f"{topic} is {found!r}, and not near {number}"
+        time.sleep(0.1)
