@@ -21,6 +21,8 @@ KEEP_ALIVE_S = 10
 CONNECT_S = 10.0
 AGAIN_S = (0.5, 1.0, 2.0, 5.0, 10.0)
 """Time between attempts to connect again; the last one holds."""
+LEAVE_S = 2.0
+"""Longest time to hand the last messages to a broker."""
 MOST_TOPICS = 5000
 """Topics for which something waits to be sent, and topics that are subscribed to."""
 MOST_URGENT = 500
@@ -111,6 +113,8 @@ class Broker:
         on_message: called for each message.
         on_connected: called each time the connection is there.
         on_lost: called with the reason each time it is gone.
+        on_leaving: called before this client leaves; what it publishes is sent. A broker does not tell the will of a
+            client that has left by itself.
         will: told to others when this client is lost.
     """
 
@@ -121,12 +125,14 @@ class Broker:
         on_message: Heard,
         on_connected: Callable[[], None] = lambda: None,
         on_lost: Callable[[str], None] = lambda _: None,
+        on_leaving: Callable[[], None] = lambda: None,
         will: LastWill | None = None,
     ) -> None:
         self.dropped = 0
         """Messages that were too long or found no room."""
         self.address = address
         self._on_message, self._on_connected, self._on_lost = on_message, on_connected, on_lost
+        self._on_leaving = on_leaving
         self._will = will
         self._wanted: dict[str, bool] = {}
         """Topics that are subscribed to; False: not yet."""
@@ -153,6 +159,12 @@ class Broker:
                     sending = asyncio.create_task(self._send(client))
                     try:
                         await self._listen(client)
+                    except asyncio.CancelledError:
+                        self._on_leaving()
+                        with contextlib.suppress(TimeoutError):
+                            async with asyncio.timeout(LEAVE_S):
+                                await self.flush()
+                        raise
                     finally:
                         sending.cancel()
                         await asyncio.wait([sending])

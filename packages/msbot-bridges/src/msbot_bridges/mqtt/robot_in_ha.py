@@ -110,6 +110,7 @@ class RobotInHa:
             on_message=self._message,
             on_connected=self._connected,
             on_lost=self._lost,
+            on_leaving=lambda: self._tell(f"{self._base}/status", "offline"),
             will=LastWill(f"{self._base}/status", "offline"),
         )
         master.inventory.on_event(lambda _: self._look.set())
@@ -128,8 +129,6 @@ class RobotInHa:
                 tasks.create_task(self._follow())
         finally:
             self._let_all_go()
-            self._tell(f"{self._base}/status", "offline")
-            await self._broker.flush()
             for heard in self._heard.values():
                 if heard.reader is not None:
                     heard.reader.close()

@@ -29,17 +29,14 @@ class SimulatedLamp:
             read_address(link.address, link.options),
             on_message=self._told,
             on_connected=self._declare,
+            on_leaving=lambda: self._broker.publish(f"{self._base}/available", "offline", is_kept=True),
             will=LastWill(f"{self._base}/available", "offline"),
         )
 
     async def run(self) -> None:
         """Run until cancelled."""
         self._broker.subscribe([f"{self._base}/set"])
-        try:
-            await self._broker.run()
-        finally:
-            self._broker.publish(f"{self._base}/available", "offline", is_kept=True)
-            await self._broker.flush()
+        await self._broker.run()
 
     def _declare(self) -> None:
         declared = {
