@@ -15,7 +15,9 @@ if TYPE_CHECKING:
         FrameWords,
         KnownObject,
         SessionListener,
+        came_in_32_bits,
         message_words,
+        value_words,
     )
     from msbot.pnp.inventory import Inventory
     from msbot.pnp.inventory_service import InventoryService
@@ -62,7 +64,9 @@ _NAMES = {
         "KNOWN_TYPES",
         "KnownObject",
         "SessionListener",
+        "came_in_32_bits",
         "message_words",
+        "value_words",
     ),
     "msbot.pnp.state_changes": (
         "HandControl",
@@ -165,6 +169,8 @@ __all__ = [
     "TakeOver",
     "TakeOverByTeacher",
     "Verdict",
+    "came_in_32_bits",
     "forecast",
     "message_words",
+    "value_words",
 ]

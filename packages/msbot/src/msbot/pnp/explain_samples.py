@@ -361,19 +361,25 @@ def _shown(value: object) -> tuple[str, object]:
     if isinstance(value, float):
         if not math.isfinite(value):
             return "", value
-        came_in_32_bits = abs(value) < LARGEST_FLOAT32 and unpack("<f", pack("<f", value))[0] == value
-        return ":.7g" if came_in_32_bits else ":.15g", value
+        return ":.7g" if came_in_32_bits(value) else ":.15g", value
     if isinstance(value, bool):
         return "", said("on") if value else said("off")
     if isinstance(value, list | bytes):
         more = f", ... ({len(value)} in all)" if len(value) > MOST_SHOWN else ""
         return "", f"[{', '.join(map(value_words, value[:MOST_SHOWN]))}{more}]"
+    if isinstance(value, Mapping):  # a message of a recording
+        return "", f"({', '.join(f'{name} {value_words(one)}' for name, one in value.items())})"
     if isinstance(value, Message):
         inside = (f"{one.name} {value_words(getattr(value, one.name))}" for one in fields_of(type(value)))
         return "", f"({', '.join(inside)})"
     if isinstance(value, IntEnum):
         return "", value.name.lower()
     return "", str(value)
+
+
+def came_in_32_bits(value: float) -> bool:
+    """Whether a finite number has no more digits than a 32-bit float holds."""
+    return abs(value) < LARGEST_FLOAT32 and bool(unpack("<f", pack("<f", value))[0] == value)
 
 
 def value_words(value: object) -> str:

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Mapping
+from math import isfinite
 from struct import error as StructError
+from struct import pack, unpack
 
+from msbot.pnp import came_in_32_bits, value_words
 from msbot.recording.recorder.batch import BLUEPRINT, MEASURED, OWN_TOPICS, SHOWN, SLOTS
 from msbot.recording.recorder.schemas import FRAME
 from msbot.recording.recordings.mcap_reader import FRAMES, OWN, Decoder, RecordedMessage
@@ -47,7 +50,7 @@ def line_of(message: RecordedMessage, decoder: Decoder) -> str | None:
         return _slot_words(fields)
     if topic == MEASURED:
         return _measured_words(fields)
-    return f"{_who(message)}{', '.join(f'{name} {_short(value)}' for name, value in fields.items())}"
+    return f"{_who(message)}{', '.join(f'{name} {value_words(value)}' for name, value in fields.items())}"
 
 
 def named_topics(counts: Counter[str]) -> str:
@@ -69,7 +72,7 @@ def rows_of(message: RecordedMessage, decoder: Decoder) -> Iterator[Row]:
     if message.topic.startswith(OWN_TOPICS):
         return
     for name, value in flat_fields(decoder.fields(message) or {}):
-        yield message.topic, message.slot, name, _short(value)
+        yield message.topic, message.slot, name, _whole(value)
 
 
 def frame_of(message: RecordedMessage) -> Frame | None:
@@ -151,7 +154,17 @@ def _object(value: object) -> Mapping[str, object]:
 def _short(value: object) -> str:
     if isinstance(value, float):
         return f"{value:.7g}"
-    return value.hex() if isinstance(value, bytes) else str(value)
+    return str(value)
+
+
+def _whole(value: object) -> str:
+    """A value from which a program gets the same one again."""
+    if not isinstance(value, float):
+        return value.hex() if isinstance(value, bytes) else str(value)
+    if not isfinite(value) or not came_in_32_bits(value):
+        return repr(value)
+    words = (f"{value:.{digits}g}" for digits in (7, 8))
+    return next((one for one in words if unpack("<f", pack("<f", float(one)))[0] == value), f"{value:.9g}")
 
 
 def flat_fields(fields: Mapping[str, object]) -> list[tuple[str, object]]:
