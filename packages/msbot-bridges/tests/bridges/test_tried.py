@@ -1,0 +1,55 @@
+"""The table of what was tried: each cell names the file of a test that there is."""
+
+from __future__ import annotations
+
+import ast
+import tomllib
+from pathlib import Path
+
+import pytest
+
+HERE = Path(__file__).parent
+PAGE = HERE.parents[3] / "docs" / "howto" / "bridges.md"
+WHOLE = "test_a_device_is_adopted_recorded_stopped_and_its_loss_explained"
+SWAP = "test_a_servo_of_another_world_takes_the_slot_of_a_drive_that_is_pulled"
+DRIVE = "test_a_drive_is_found_turns_stops_and_is_missed"
+MODULE = "test_a_servo_is_found_driven_stopped_and_missed"
+LAMP, PUMP = "test_a_device_of_home_assistant_is_a_part", "test_a_pump_by_tcp"
+NODE = "test_a_genuine_node_is_found_with_the_ports_of_what_it_sends_and_is_missed"
+
+TRIED = {
+    "found, described": (NODE, DRIVE, LAMP, PUMP, MODULE),
+    "settings": ("test_a_genuine_servo_is_found_told_stopped_and_missed", DRIVE, None, PUMP, MODULE),
+    "STOP confirmed": ("test_a_motor_controller_turns_and_confirms_stop_by_its_speed", DRIVE, LAMP, PUMP, MODULE),
+    "adopted, recorded, lost, explained": (WHOLE,) * 5,
+    "a spare of another world": (SWAP, SWAP, None, None, None),
+}
+"""The test of each cell, in the order of the page's columns; None: a gap."""
+
+
+def table() -> dict[str, list[str]]:
+    """The rows of the page, by their heads."""
+    lines = PAGE.read_text().partition("## What was tried\n")[2].partition("\n## ")[0].splitlines()
+    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines if line.startswith("|")]
+    return {head: cells for head, *cells in rows if set(head) != {"-"}}
+
+
+def names_in(cell: str) -> set[str]:
+    tree = ast.parse((HERE / f"test_{cell}.py").read_text())
+    return {node.name for node in tree.body if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)}
+
+
+def test_the_page_has_every_world_and_row() -> None:
+    rows = table()
+    points = tomllib.loads((HERE.parents[1] / "pyproject.toml").read_text())["project"]["entry-points"]
+    assert sorted(name.lower() for name in rows.pop("")) == sorted(points["msbot.bridges"])
+    assert list(rows) == list(TRIED)
+
+
+@pytest.mark.parametrize("row", TRIED)
+def test_each_cell_names_the_file_of_its_test(row: str) -> None:
+    for cell, test in zip(table()[row], TRIED[row], strict=True):
+        if test is None:
+            assert cell == "-"
+        else:
+            assert test in names_in(cell), f"{row}: {test} is not in test_{cell}.py"
