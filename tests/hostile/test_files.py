@@ -33,6 +33,9 @@ READS = {
     "master folders": ["master", "good.toml", "--library", "FILE"],
     "master certificate": ["master", "good.toml", "--port", "0", "--certificate", "FILE"],
     "master certificate_key": ["master", "good.toml", "--certificate", "FILE", "--certificate-key", "FILE"],
+    "master home_assistant_password": [
+        "master", "good.toml", "--home-assistant", "mqtt://127.0.0.1:1", "--home-assistant-password", "FILE"
+    ],
     "part folders": ["part", "ABCD", "--library", "FILE"],
     "host path": ["host", "FILE"],
     "host folders": ["host", "good.toml", "--library", "FILE"],
@@ -76,7 +79,7 @@ READS = {
 """What reads a file or a folder of files, by command and parameter: the words of a call, and FILE."""
 WRITES = {
     "log", "db", "svg", "folder", "picture", "tickets", "backups", "target", "out", "html", "rec", "wireshark",
-    "init path", "export file", "rec file", "pupils path",
+    "init path", "export file", "rec file", "pupils path", "doctor file",
 }  # fmt: skip
 """Parameters that name what is written, which is refused if it exists or never read; of one command, or of all."""
 FOLDERS = {"lessons", "include", "go_on"}

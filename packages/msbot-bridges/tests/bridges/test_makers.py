@@ -23,6 +23,7 @@ from msbot_bridges.cli.bridge_runner import RUNNER
 from msbot_bridges.makers import write_sample
 from msbot_xrce.errors import ConfigError
 from tests.bridges.hosts import in_thread, running
+from tests.e2e.processes import running as running_command
 
 pytest.importorskip("canopen")
 pytest.importorskip("dronecan")
@@ -159,3 +160,10 @@ def test_two_bridges_of_one_world_on_one_bus_are_refused() -> None:
     RUNNER.check([table, BridgeTable("dronecan", "msbot:x")])
     with pytest.raises(ConfigError, match="msbot:x has two bridges for canopen"):
         RUNNER.check([table, table])
+
+
+def test_the_demo_shows_the_parts_that_bridges_bring(tmp_path: Path) -> None:
+    state = {"XDG_STATE_HOME": str(tmp_path / "state")}
+    with running_command("demo", "--robot", "makers", "--port", "0", cwd=tmp_path, env=state) as demo:
+        demo.wait_for("joint active", "switches active", "button active")
+        demo.end()

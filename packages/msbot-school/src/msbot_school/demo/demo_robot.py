@@ -62,7 +62,8 @@ class DemoPlace:
         self.simulated: SimulatedPart | None = None
         """The simulated device, to be played with; None for the thesis' three, and for an empty place."""
         self.task: asyncio.Task[None] | None = None
-        self.plugged_at = 0.0
+        self.plugged_at: float | None = None
+        """When the demo has plugged a part in for the last time; None: never."""
         self.active_at: float | None = None
         self.earlier_in = 0
         self.earlier_out = 0
@@ -85,6 +86,11 @@ class DemoPlace:
         """Note that the part is unplugged; its counts are kept."""
         self.earlier_in, self.earlier_out = self.messages_in, self.messages_out
         self.part = self.simulated = self.task = None
+
+    @property
+    def to_active_ms(self) -> float | None:
+        """How long the part has taken from plug-in to active; None: it has not been active since."""
+        return None if self.active_at is None or self.plugged_at is None else (self.active_at - self.plugged_at) * 1000
 
     @property
     def messages_in(self) -> int:
@@ -308,12 +314,20 @@ class DemoRobot:
 
     def _look(self) -> DemoSnapshot:
         now = self._loop.time()
-        infos = {info.uid: info for info in self.master.inventory.view(now)}
+        view = self.master.inventory.view(now)
+        infos = {info.uid: info for info in view}
+        holders = {info.slot: info for info in view if info.slot}
         return DemoSnapshot(
             robot=self.master.profile.name,
             link=self._wiring.name,
             at_s=now - self._started_at,
-            parts=tuple(self._part_snapshot(plug, infos.get(plug.uid)) for plug in self._plugs.values()),
+            # A place into which the demo has plugged nothing is for a part that a bridge brings.
+            parts=tuple(
+                self._part_snapshot(
+                    plug, infos.get(plug.uid) if plug.plugged_at is not None else holders.get(plug.slot)
+                )
+                for plug in self._plugs.values()
+            ),
             topics=tuple(self._topic_snapshots()),
             bus=self._bus_snapshot(now),
         )
@@ -330,7 +344,7 @@ class DemoRobot:
             beats=info.beats if info is not None else 0,
             messages_in=plug.messages_in,
             messages_out=plug.messages_out,
-            plug_in_to_active_ms=None if plug.active_at is None else (plug.active_at - plug.plugged_at) * 1000,
+            plug_in_to_active_ms=plug.to_active_ms,
             outputs=tuple(plug.board.levels()),
         )
 

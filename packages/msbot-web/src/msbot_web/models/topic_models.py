@@ -23,6 +23,9 @@ class TopicInfo(Model):
     free: bool
     reliable: bool
     fields: list[tuple[str, str]] = Field(description="Name and kind of each.")
+    types: dict[str, list[tuple[str, str]]] = Field(
+        description="The fields of each type that it has, of types inside of them, of request and reply; values of an enum."
+    )
     units: dict[str, str]
     publishers: list[TopicEnd]
     subscribers: list[TopicEnd]

@@ -69,7 +69,10 @@ class Lateness:
 
     def _arm(self, loop: asyncio.AbstractEventLoop) -> None:
         # At the same times for all who measure: the computer wakes up once for them.
-        due = (loop.time() // STEP_S + 1) * STEP_S
+        now = loop.time()
+        due = (now // STEP_S + 1) * STEP_S
+        if due < now + STEP_S / 2:  # the division of floats may have stopped one step short
+            due += STEP_S
         self._timer = loop.call_at(due, self._look, loop, due)
 
     def _look(self, loop: asyncio.AbstractEventLoop, due: float) -> None:
