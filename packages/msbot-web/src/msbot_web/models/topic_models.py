@@ -24,7 +24,7 @@ class TopicInfo(Model):
     reliable: bool
     fields: list[tuple[str, str]] = Field(description="Name and kind of each.")
     types: dict[str, list[tuple[str, str]]] = Field(
-        description="The fields of each type that it has, of types inside of them, of request and reply; values of an enum."
+        description="The fields of its type, of types inside, of request and reply, by type; of an enum its values."
     )
     units: dict[str, str]
     publishers: list[TopicEnd]
