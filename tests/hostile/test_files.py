@@ -34,7 +34,12 @@ READS = {
     "master certificate": ["master", "good.toml", "--port", "0", "--certificate", "FILE"],
     "master certificate_key": ["master", "good.toml", "--certificate", "FILE", "--certificate-key", "FILE"],
     "master home_assistant_password": [
-        "master", "good.toml", "--home-assistant", "mqtt://127.0.0.1:1", "--home-assistant-password", "FILE"
+        "master",
+        "good.toml",
+        "--home-assistant",
+        "mqtt://127.0.0.1:1",
+        "--home-assistant-password",
+        "FILE",
     ],
     "part folders": ["part", "ABCD", "--library", "FILE"],
     "host path": ["host", "FILE"],

@@ -22,6 +22,7 @@ from canopen.objectdictionary import (
 )
 from canopen.objectdictionary.eds import import_eds
 
+from msbot_agent.text.untrusted_input import read_input_file
 from msbot_bridges.canopen.objects import Entry, SettingEntry
 from msbot_xrce.errors import ConfigError
 from msbot_xrce.lazy import dataclass
@@ -113,11 +114,9 @@ class EdsFolder:
 
 
 def _product(path: Path) -> tuple[int, int]:
-    if path.stat().st_size > MOST_OCTETS:
-        raise ConfigError(f"{path} has more than {MOST_OCTETS:,} bytes: it is no EDS")
     parser = configparser.RawConfigParser(inline_comment_prefixes=(";",), strict=False)
     try:
-        parser.read_string(path.read_text(encoding="utf-8", errors="replace"))
+        parser.read_string(read_input_file(path, MOST_OCTETS, "an EDS").decode("utf-8", "replace"))
         about = parser["DeviceInfo"]
         return int(about["VendorNumber"], 0), int(about["ProductNumber"], 0)
     except (configparser.Error, KeyError, ValueError) as error:

@@ -30,7 +30,7 @@ _SERVICES: Final = {
 
 def words(frame: Frame) -> str:
     """What it says; empty: it is no DroneCAN frame."""
-    if not frame.extended or frame.remote or frame.error or not frame.data:
+    if not frame.extended or frame.remote or frame.error or not frame.data or not _is_plausible(frame.data):
         return ""
     source, part = frame.can_id & 0x7F, _part(frame.data[-1])
     if frame.can_id & 0x80:
@@ -43,6 +43,12 @@ def words(frame: Frame) -> str:
     if not source:
         return f"DroneCAN, a node without id: {_MESSAGES.get(number & 3, f'message {number & 3}')}{part}"
     return f"DroneCAN node {source}: {_MESSAGES.get(number, f'message {number}')}{part}"
+
+
+def _is_plausible(data: bytes) -> bool:
+    """Whether a frame of a transfer looks like this: all but the last are full, and the toggle bit begins with 0."""
+    is_first, is_last, toggle = bool(data[-1] & 0x80), bool(data[-1] & 0x40), bool(data[-1] & 0x20)
+    return (is_last or len(data) in (8, 64)) and not (is_first and toggle)
 
 
 def _part(tail: int) -> str:

@@ -13,6 +13,7 @@ from urllib.parse import unquote, urlsplit
 
 import aiomqtt
 
+from msbot_agent.text.untrusted_input import read_input_file
 from msbot_xrce.errors import ConfigError, LinkDown
 from msbot_xrce.lazy import dataclass
 
@@ -26,6 +27,8 @@ LEAVE_S = 2.0
 MOST_TOPICS = 5000
 """Topics for which something waits to be sent, and topics that are subscribed to."""
 MOST_URGENT = 500
+MOST_PASSWORD = 4096
+"""Bytes of a file with a password."""
 MOST_IN = 10_000
 """Messages that wait to be read; beyond, the library drops what comes."""
 LONGEST_PAYLOAD = 65_536
@@ -77,7 +80,7 @@ def read_address(text: str, options: Mapping[str, str]) -> BrokerAddress:
     password = None
     if file := options.get("password_file"):
         try:
-            password = Path(file).read_text(encoding="utf-8").strip()
+            password = read_input_file(Path(file), MOST_PASSWORD, "a password").decode().strip()
         except (OSError, UnicodeDecodeError) as error:
             raise ConfigError(f"--option password_file={file} cannot be read: {error}") from error
     is_tls = parts.scheme == "mqtts"

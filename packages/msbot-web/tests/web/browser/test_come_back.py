@@ -110,7 +110,7 @@ def test_where_no_robot_answers_the_page_says_so_and_comes_back(
     assert hurdles(page, dark=False) == []
     link_in(robot.start())
     page.wait_for_function(LIVE)
-    assert page.url == f"{robot.base}/plots"
+    assert page.url.partition("?")[0] == f"{robot.base}/plots"  # what it shows may stand behind
     expect(page.locator("h1").first).to_have_text("Plots")
     kept = page.evaluate(
         "caches.keys().then((names) => caches.open(names[0])).then((one) => one.keys())"
