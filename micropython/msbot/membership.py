@@ -321,7 +321,7 @@ class Membership:
             self._waiting_since = now
 
     def _ask(self, request, stream):
-        self.client.write(_REQUESTER, self._seals.seal_request(request) if self._seals else request, stream)
+        return self.client.write(_REQUESTER, self._seals.seal_request(request) if self._seals else request, stream)
 
     def _beat_missed(self, now):
         self.part.counters.missed_beats += 1

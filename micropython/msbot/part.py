@@ -99,8 +99,8 @@ class Part:
     # Called by a student's program.
 
     def __getattr__(self, name):
-        """`every`, `on`, `on_join` and so on: they are forgotten when the part begins."""
-        return load("declaring").verb(self, name)
+        """`every`, `on`, `on_join` and so on: they are forgotten when the part begins; and `log`."""
+        return load("log_lines" if name == "log" else "declaring").verb(self, name)
 
     def publish(self, port, message):
         """Send a message out of a port; False when there was no room for it."""

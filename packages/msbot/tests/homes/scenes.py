@@ -429,6 +429,12 @@ async def delays(world: World) -> None:
     await asyncio.sleep(2.0)
 
 
+async def logs(world: World) -> None:
+    world.master.inventory.log.on_line(lambda line: world.note(f"the robot's log, {line.level.word}: {line.words}"))
+    await begin(world)
+    await asyncio.sleep(6.0)
+
+
 async def waits(world: World) -> None:
     partner = await begin(world, hears(world, "out", Count))
     for index in (1, 2):  # the second comes while the function waits
@@ -581,6 +587,7 @@ SCENES = {name: Scene(robot, example) for name, robot in EXAMPLES.items()} | {
     "calls_then_ends": Scene(wired("name call Number -> Text"), calls_then_ends),
     "calls_sealed": Scene(replace(SEALED, bindings=(("name", "call", "Number -> Text"),)), calls_sealed),
     "delays": Scene(Robot(), delays),
+    "logs": Scene(Robot(), logs),
     "serves": Scene(
         wired("double serve Number -> Text", "mistaken serve Number -> Text", "shut serve Number -> Text"), serves
     ),
