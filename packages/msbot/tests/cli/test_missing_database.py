@@ -31,6 +31,7 @@ WORDS = {
     "topic bw": "t", "topic echo": "t", "topic hz": "t", "topic info": "t", "topic pub": "t HelloWorld 1",
     "rec save": "odd", "rec start": "odd", "play": "odd.mcap --acts", "fault add": "noise", "mission answer": "noise",
     "mission repair": "tighten", "mission start": "a-bad-day", "lesson start": "hello", "call": "AA.echo 1",
+    "spare": "AA ABCD",
 }  # fmt: skip
 """What a command needs besides."""
 

@@ -111,7 +111,7 @@ class Stage:
         part = Part(number, local_name=name, uid=octets, random=Random(f"{name} {len(self.events)}"))
         heard = self.heard.setdefault(name, [])
         part.on("in", HelloWorld)(lambda message: heard.append(message.message))
-        part.serves("echo", HelloWorld, HelloWorld)(lambda request: request)
+        part.serves("echo", HelloWorld, HelloWorld, optional=True)(lambda request: request)
         assert self.tasks is not None
         self.parts[name] = part
         link = LossyLink(self._hub.connect(), random=Random(name), drop=drop)

@@ -6,7 +6,7 @@ STOP.
 
 from msbot_bridges.bridge.bridge import Bridge
 from msbot_bridges.bridge.bridged_part import BridgedPart
-from msbot_bridges.bridge.can_claim import CanClaim, Identifiers, Traffic
+from msbot_bridges.bridge.can_claim import BridgeTraffic, CanClaim, Identifiers
 from msbot_bridges.bridge.contract import (
     BridgeLink,
     DeviceIdentity,
@@ -29,6 +29,7 @@ from msbot_bridges.bridge.thread import WorldThread
 __all__ = [
     "Bridge",
     "BridgeLink",
+    "BridgeTraffic",
     "BridgedPart",
     "CanClaim",
     "DeviceIdentity",
@@ -40,7 +41,6 @@ __all__ = [
     "Input",
     "Report",
     "SimulatedDevice",
-    "Traffic",
     "Value",
     "World",
     "WorldHost",

@@ -36,7 +36,7 @@ class Identifiers:
 
 
 @dataclass(frozen=True, slots=True)
-class Traffic:
+class BridgeTraffic:
     """Frames that are sent all the time: an estimate for the load of the bus."""
 
     what: str
@@ -57,7 +57,7 @@ class CanClaim:
     """The bit rates that its devices have; none: any."""
     fd: bool = False
     """Frames of CAN FD; controllers of classic CAN destroy them."""
-    traffic: Sequence[Traffic] = ()
+    traffic: Sequence[BridgeTraffic] = ()
 
     def bits_per_s(self, devices: int) -> float:
         """What the bridge and so many devices send."""
@@ -74,7 +74,7 @@ class CanClaim:
         return any(one.extended and one.first <= can_id <= one.last for one in self.identifiers)
 
 
-def _bits(traffic: Traffic, *, extended: bool) -> float:
+def _bits(traffic: BridgeTraffic, *, extended: bool) -> float:
     random = Random(traffic.can_id)
     frames = (Frame(traffic.can_id, random.randbytes(traffic.octets), extended) for _ in range(_TRIED))
     return sum(sum(frame_bits(frame)) for frame in frames) / _TRIED

@@ -8,11 +8,11 @@ from typing import Any
 
 from msbot_bridges.bridge import (
     BridgeLink,
+    BridgeTraffic,
     CanClaim,
     Fit,
     Identifiers,
     SimulatedDevice,
-    Traffic,
     World,
     WorldKind,
 )
@@ -83,11 +83,11 @@ CLAIM = CanClaim(
     ),
     (10_000, 20_000, 50_000, 100_000, 125_000, 250_000, 500_000, 800_000, 1_000_000),
     traffic=(
-        Traffic("heartbeat of the bridge", 0x77F, 1, 4, of_bridge=True),
-        Traffic("search for nodes", 0x605, 8, 12.5, of_bridge=True),
-        Traffic("heartbeat", 0x705, 1, 4),
-        Traffic("reports", 0x185, 8, 15),
-        Traffic("orders", 0x305, 8, 8),
+        BridgeTraffic("heartbeat of the bridge", 0x77F, 1, 4, of_bridge=True),
+        BridgeTraffic("search for nodes", 0x605, 8, 12.5, of_bridge=True),
+        BridgeTraffic("heartbeat", 0x705, 1, 4),
+        BridgeTraffic("reports", 0x185, 8, 15),
+        BridgeTraffic("orders", 0x305, 8, 8),
     ),
 )
 """By the predefined connection set of CiA 301. The traffic is the mean of a simulated drive and a module, as measured;

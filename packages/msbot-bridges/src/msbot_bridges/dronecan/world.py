@@ -7,11 +7,11 @@ from typing import Any
 
 from msbot_bridges.bridge import (
     BridgeLink,
+    BridgeTraffic,
     CanClaim,
     Fit,
     Identifiers,
     SimulatedDevice,
-    Traffic,
     World,
     WorldKind,
 )
@@ -58,10 +58,10 @@ def _fits() -> Sequence[Fit]:
 CLAIM = CanClaim(
     (Identifiers("messages and services", 0, 0x1FFFFFFF, extended=True),),
     traffic=(
-        Traffic("NodeStatus of the bridge", 0x1001557E, 8, 1, of_bridge=True),
-        Traffic("NodeStatus", 0x1001552A, 8, 1),
-        Traffic("reports, two frames each", 0x1003F32A, 8, 20),
-        Traffic("orders", 0x0803F27E, 5, 10),
+        BridgeTraffic("NodeStatus of the bridge", 0x1001557E, 8, 1, of_bridge=True),
+        BridgeTraffic("NodeStatus", 0x1001552A, 8, 1),
+        BridgeTraffic("reports, two frames each", 0x1003F32A, 8, 20),
+        BridgeTraffic("orders", 0x0803F27E, 5, 10),
     ),
 )
 """Priority, type and source may have any value. Nodes report and are told 10 times a second."""

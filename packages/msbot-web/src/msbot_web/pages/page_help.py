@@ -160,12 +160,13 @@ def help_button(page: Page, path: str) -> None:
     about = HELP.get(path)
     if about is None:
         return
-    title = page.translate("Help for this page")
+    button = ui.button(icon="help_outline").props("flat round dense color=primary aria-haspopup=dialog")
+    button.props["aria-label"] = page.translate("Help for this page")
     with (
-        ui.button(icon="help_outline")
-        .props(f'flat round dense color=primary aria-label="{title}" aria-haspopup=dialog')
-        .classes("ms-help"),
-        ui.menu().props(f'anchor="bottom right" self="top right" role=dialog aria-label="{title}"'),
+        button.classes("ms-help"),
+        ui.menu().props(
+            f'anchor="bottom right" self="top right" role=dialog aria-label="{page.translate("Help for this page")}"'
+        ),
         ui.column().style("padding:1rem;max-width:22rem;gap:.6rem"),
     ):
         ui.label(page.translate(about.words))
