@@ -31,7 +31,8 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
 
 def test_a_topic_says_what_it_is_and_who_is_at_it(site: Site) -> None:
     told = site.ask("GET", f"/api/topics/{RING}", role="viewer").json()
-    assert (told["type"], told["fields"]) == ("HelloWorld", [["index", "uint32"], ["message", "str"]])
+    assert (told["type"], told["fields"]) == ("HelloWorld", [["index", "uint32"], ["message", "text"]])
+    assert told["types"] == {"HelloWorld": told["fields"]}
     assert told["publishers"] == [{"slot": "AA", "port": "out", "part": "ABCD"}]
     assert told["subscribers"] == [{"slot": "BB", "port": "in", "part": ""}]
     missing = site.ask("GET", "/api/topics/nothing", role="viewer")
