@@ -232,6 +232,7 @@ systemctl start msbot-backup
 echo "backups: $(ls /var/lib/msbot/backups | wc -l)"
 msbot stop | grep -o 'STOP holds'
 systemctl start msbot-standby
+for i in $(seq 300); do [ "$(systemctl is-active msbot-master)" = deactivating ] || break; sleep 0.2; done
 echo "beside a standby: $(systemctl is-active msbot-master)"
 systemctl start msbot-agent
 for i in $(seq 100); do journalctl -u msbot-agent | grep -q 'agent on udp' && break; sleep 0.5; done

@@ -16,13 +16,14 @@ from tools.set_up import install_requirements, point_without_letters
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="make sets up Unix only; its folders are laid out otherwise there")
-def test_a_folder_with_an_umlaut_is_found_in_the_locale_c_too(tmp_path: Path) -> None:
+@pytest.mark.parametrize("name", ["_editable_impl_msbot.pth", "_msbot.pth"])
+def test_a_folder_with_an_umlaut_is_found_in_the_locale_c_too(tmp_path: Path, name: str) -> None:
     home = tmp_path / "Robo Tür 1"
     (home / "src" / "msbot").mkdir(parents=True)
     (home / "src" / "msbot" / "__init__.py").write_text("here = 'found'\n")
     subprocess.run([sys.executable, "-m", "venv", "--without-pip", home / ".venv"], check=True)
     (packages,) = (home / ".venv").glob("lib/python*/site-packages")
-    pointer = packages / "_editable_impl_msbot.pth"
+    pointer = packages / name
     pointer.write_text(f"{home / 'src'}\n", encoding="utf-8")  # as pip leaves it
 
     point_without_letters(home / ".venv")

@@ -99,7 +99,8 @@ def point_without_letters(environment: Path) -> None:
     pip writes the whole path. Python before 3.13 reads it in the letters of the locale, so that with LC_ALL=C no
     program of an environment in a folder like `Tür 1` would start.
     """
-    for pointer in environment.glob("lib/python*/site-packages/_editable_impl_msbot*.pth"):
+    # hatch names the pointer by how a distribution is laid out: `_editable_impl_msbot.pth`, `_msbot_agent.pth`.
+    for pointer in environment.glob("lib/python*/site-packages/_*msbot*.pth"):
         # Python completes the path without looking at links, and so does this.
         lines = pointer.read_text(encoding="utf-8").splitlines()
         relative = [os.path.relpath(line, os.path.abspath(pointer.parent)) for line in lines if line]

@@ -6,6 +6,7 @@ from __future__ import annotations
 import re
 import time
 from collections.abc import Iterator
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -30,13 +31,11 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
         making.wait_for("robot.toml")
     with running("master", "--link", link, "--port", "0", cwd=folder) as process:
         site = Site(process, folder)
-        with (
-            running("part", "BB", "--link", link, cwd=folder) as part,
-            running("part", "ABCD", "--name", "first", "--link", link, cwd=folder) as second,
-            running("part", "ABCD", "--name", "spare", "--uid", "53504152452e2e2e", "--link", link, cwd=folder),
-        ):
-            part.wait_for("is active")
-            second.wait_for("is active")
+        with ExitStack() as parts:
+            for words in (("BB",), ("ABCD", "--name", "first")):
+                parts.enter_context(running("part", *words, "--link", link, cwd=folder)).wait_for("is active")
+            spare = ("ABCD", "--name", "spare", "--uid", "53504152452e2e2e")  # it comes when the slot is taken
+            parts.enter_context(running("part", *spare, "--link", link, cwd=folder))
             while not (standing_by := [one for one in _arrivals(site) if one["state"] == "standby"]):
                 time.sleep(0.05)
             # People's deeds, whose sentences name parts.
