@@ -9,7 +9,7 @@ from uuid import uuid4
 
 import pytest
 
-from msbot.part.messages.standard import Angle, Speed, Temperature
+from msbot.part.messages.standard import Angle, Level, Speed, Switch, Temperature
 from msbot_bridges.bridge import BridgeLink
 from msbot_bridges.canopen.world import WORLD
 from tests.bridges.hosts import Host, Reports, in_thread, running
@@ -23,6 +23,7 @@ from msbot_bridges.canopen import objects
 from msbot_bridges.canopen.drive_states import DriveState
 from msbot_bridges.canopen.objects import Entry
 from msbot_bridges.canopen.simulated.drive import SimulatedDrive
+from msbot_bridges.canopen.simulated.io_module import OUTPUTS, POLARITY, SimulatedIo
 from msbot_bridges.canopen.simulated.local_device import LocalDevice, add, add_pdos
 
 
@@ -114,6 +115,37 @@ async def test_a_device_that_starts_anew_is_found_anew() -> None:
             second = await host.devices.get()
             assert second is not first
             assert second.identity.uid == first.identity.uid
+
+
+async def test_an_io_module_switches_and_goes_to_its_safe_values() -> None:
+    async with world() as (bus, host):
+        module = SimulatedIo(bus)
+        async with in_thread(module.run_in_thread, module.end):
+            device = await host.devices.get()
+            assert [one.name for one in device.outputs] == [*(f"in_{one}" for one in range(1, 9)), "level_in_1"]
+            assert [one.safe for one in device.inputs] == [Switch(on=False)] * 8 + [Level(percent=0)]
+            reports = Reports()
+            device.set("polarity_in", 0x80)
+            device.begin(reports)
+            device.act("out_1", Switch(on=True))
+            device.act("out_3", Switch(on=True))
+            device.act("level_out_1", Level(percent=-50))
+            await reports.until(
+                lambda last: (
+                    [number for number in range(1, 9) if last.get(f"in_{number}") == Switch(on=True)] == [1, 3, 8]
+                    and abs(last.get("level_in_1", Level(percent=0)).percent + 50) < 0.01  # type: ignore[attr-defined]
+                )
+            )
+            assert module.get(POLARITY) == 0x80
+            device.stop()
+            assert device.not_stopped == "node 6 has not reported that its outputs have their safe values"
+            await host.until(lambda: not device.not_stopped)
+            assert module.get(OUTPUTS) == 0
+            assert module.node.nmt.state == "PRE-OPERATIONAL"
+            device.go()
+            device.act("out_2", Switch(on=True))
+            await reports.until(lambda last: last["in_2"] == Switch(on=True))
+            assert module.get(objects.PRODUCER_HEARTBEAT) == 500, "it sent none, and was told to when it was taken in"
 
 
 class Thermometer(LocalDevice):

@@ -175,6 +175,8 @@ class LocalDevice(ABC):
         before, self._state = self._state, OPERATIONAL if nmt.state == "OPERATIONAL" else 0
         if self.is_operational and before != OPERATIONAL:
             self._use_pdos()
+            # The library's periodic message may go on with the state before.
+            nmt.start_heartbeat(int.from_bytes(self.node.get_data(0x1017, 0), "little"))
         self.step(STEP_S)
         if self.is_operational:
             self._send_pdos(time.monotonic())
