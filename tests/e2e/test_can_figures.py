@@ -1,4 +1,4 @@
-"""The goals of docs/evidence/can.md, as far as they need no crowd of parts."""
+"""The goals of docs/evidence.md, as far as they need no crowd of parts."""
 
 from __future__ import annotations
 
