@@ -12,7 +12,7 @@ from uuid import uuid4
 import pytest
 
 from msbot.part import Message
-from msbot.part.messages.standard import Angle, Battery, Distance, Level, Speed, Temperature
+from msbot.part.messages.standard import Angle, Battery, Distance, Level, Place, Speed, Temperature
 from msbot_bridges.bridge import ForeignDevice
 from tests.bridges.hosts import Host, Reports, in_thread, running
 
@@ -110,6 +110,12 @@ class GenuineNode:
     def _battery(self) -> Any:
         return self._types.equipment.power.BatteryInfo(voltage=11.0, current=2.0, state_of_charge_pct=80)
 
+    def _gnss(self) -> Any:
+        fix = self._types.equipment.gnss.Fix2(status=self.reading, sats_used=9)
+        fix.latitude_deg_1e8, fix.longitude_deg_1e8 = -3_673_000_000, 17_470_000_000
+        fix.height_msl_mm = 20_500
+        return fix
+
     def _servo(self) -> Any:
         return self._types.equipment.actuator.Status(actuator_id=4, position=0.0)
 
@@ -129,6 +135,7 @@ PORTS = {
     "esc": ({"turns": Speed, "supply": Battery, "temperature": Temperature}, {"power": Level}),
     "range": ({"distance": Distance}, {}),
     "battery": ({"battery": Battery}, {}),
+    "gnss": ({"place": Place}, {}),
     "servo": ({"position": Angle}, {"angle": Angle}),
 }
 
@@ -188,6 +195,18 @@ async def test_a_sensor_is_heard(kind: str, port: str, message: Message) -> None
         if kind == "range":
             node.reading = 3  # too far
             await reports.until(lambda last: last[port] == Distance(metres=0.0, in_range=False))
+
+
+async def test_a_receiver_of_satellites_says_its_place_when_it_has_a_fix() -> None:
+    async with plugged("gnss", 17) as (node, device, _):
+        reports = Reports()
+        device.begin(reports)
+        node.reading = 3
+        await reports.until(lambda last: last)
+        place = Place(latitude=-36.73, longitude=174.7, altitude=20.5, satellites=9)
+        assert reports.last == {"place": place}
+        node.reading = 2
+        await reports.until(lambda last: math.isnan(last["place"].altitude))  # type: ignore[attr-defined]
 
 
 async def test_a_node_without_an_id_asks_for_one_and_becomes_a_device() -> None:

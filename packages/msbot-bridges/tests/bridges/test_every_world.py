@@ -170,6 +170,13 @@ async def test_a_device_is_adopted_recorded_stopped_and_its_loss_explained(
             if world == "mqtt":  # a lamp reports when something has changed
                 await robot.do("publish", who="ann", port="guest.lamp", values=["40"], seconds=60.0)
             await robot.until(lambda: robot.has_recorded("seen"))
+            if world == "dronecan":
+                wire = {"topic": "again", "type": "Trigger -> Text", "from": "guest.restart", "to": []}
+                await robot.do("bind", who="ann", **wire)
+                reply = await robot.do("call", who="ann", port="guest.restart", values=["1"])
+                assert "node 42 was told to restart" in str(reply)
+                await robot.until(lambda: not robot.is_in(number, PartState.ACTIVE))
+                await robot.until(lambda: robot.is_in(number, PartState.ACTIVE))
             await robot.do("stop", who="ann", reason="")
             await robot.until(lambda: number in {one.part for one in robot.master.stop.confirmed})
             await plug.pull_out()

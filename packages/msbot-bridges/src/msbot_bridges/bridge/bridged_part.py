@@ -76,6 +76,8 @@ class BridgedPart:
             part.publishes(output.name, output.message)
         for one in device.inputs:
             part.on(one.name, one.message, safe=one.safe, optional=True)(self._acting(one.name))
+        for service in device.services:
+            part.serves(service.name, service.request, service.reply, optional=True)(self._serving(service.name))
         for setting in device.settings:
             if setting.name in settings:
                 part.on_setting(
@@ -155,6 +157,12 @@ class BridgedPart:
 
         return act
 
+    def _serving(self, name: str) -> Callable[[Message], Message]:
+        def serve(request: Message) -> Message:
+            return self.device.serve(name, request)
+
+        return serve
+
     def _setting(self, name: str) -> Callable[[Value], None]:
         def take(value: Value) -> None:
             if self._may_be_told():
@@ -168,6 +176,10 @@ class BridgedPart:
 
     def _joined(self) -> None:
         self._was_in = True
+        who = self.device.identity
+        self.part.log(f"{who.description}, {who.where}" if who.where else who.description)  # which software it has
+        if remark := self.device.remark:
+            self.part.log(remark)
         self.device.begin(self._report)
 
     def _report(self, port: str, message: Message) -> None:

@@ -18,7 +18,7 @@ from msbot.part import Message
 from msbot.part.join.pnp_messages import TEXT_OCTETS, UID_OCTETS
 from msbot_agent.startup.extensions import extensions
 from msbot_bridges.bridge.can_claim import CanClaim
-from msbot_xrce.errors import ConfigError
+from msbot_xrce.errors import CallError, ConfigError
 from msbot_xrce.lazy import dataclass
 
 GROUP = "bridges"
@@ -106,6 +106,15 @@ class DeviceSetting:
     unit: str = ""
 
 
+@dataclass(frozen=True, slots=True)
+class DeviceService:
+    """Something that the device can be asked for, at a port that serves."""
+
+    name: str
+    request: type[Message]
+    reply: type[Message]
+
+
 class ForeignDevice(ABC):
     """One device of a world; each method returns at once.
 
@@ -116,6 +125,7 @@ class ForeignDevice(ABC):
     outputs: Sequence[DeviceOutput] = ()
     inputs: Sequence[Input] = ()
     settings: Sequence[DeviceSetting] = ()
+    services: Sequence[DeviceService] = ()
 
     @abstractmethod
     def begin(self, report: Report) -> None:
@@ -160,9 +170,22 @@ class ForeignDevice(ABC):
         Only what the device has reported since `stop` counts. A device that cannot report it never is.
         """
 
+    def serve(self, name: str, request: Message) -> Message:  # noqa: ARG002
+        """Somebody asks for one of its services.
+
+        Raises:
+            CallError: it is refused; the text says why.
+        """
+        raise CallError(f"it has no service {name}")
+
     @property
     def fault(self) -> str:
         """What it says is wrong with it, as a sentence; empty: nothing. With a fault it is no part of its robot."""
+        return ""
+
+    @property
+    def remark(self) -> str:
+        """What the robot's log is to say when it joins, besides its versions; empty: nothing."""
         return ""
 
     def identify(self) -> None:  # noqa: B027 - few devices can

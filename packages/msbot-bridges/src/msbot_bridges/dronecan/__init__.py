@@ -1,1 +1,1 @@
-"""DroneCAN (UAVCAN v0): servos, motor controllers, range finders and batteries as parts"""
+"""DroneCAN (UAVCAN v0): servos, motor controllers, range finders, batteries and GNSS receivers as parts"""

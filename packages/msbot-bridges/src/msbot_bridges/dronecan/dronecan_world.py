@@ -23,6 +23,8 @@ from msbot_bridges.canbus import open_bus
 from msbot_bridges.dronecan.can_driver import PythonCanDriver
 from msbot_bridges.dronecan.node_device import KINDS, NodeDevice
 from msbot_bridges.dronecan.node_ids import NodeIdAllocator
+from msbot_bridges.dronecan.node_software import NodeSoftware, version_of
+from msbot_bridges.dronecan.software_update import ImageFolder
 from msbot_xrce.errors import LinkDown
 
 OWN_ID = 126
@@ -34,6 +36,8 @@ MOST_SETTINGS = 60
 """Parameters read of one node; a description has no room for more."""
 WRITE_TIMES = 3
 """So often a parameter is written to a node that does not answer."""
+MOST_REMARKS = 100
+MODE_SOFTWARE_UPDATE = uavcan.protocol.NodeStatus().MODE_SOFTWARE_UPDATE
 _RAW_MOST = 8191
 _log = logging.getLogger("msbot.part")
 logging.getLogger("dronecan").setLevel(logging.WARNING)
@@ -45,7 +49,12 @@ class _Node:
     def __init__(self, node_id: int, info: Any) -> None:  # noqa: ANN401
         self.node_id = node_id
         self.info = info
+        self.unique = _unique(info)
+        self.mode = info.status.mode
         self.since = time.monotonic()
+        self.uptime_s = 0
+        self.has_restarted = False
+        """It is there again, and has not said anew who it is."""
         self.seen: dict[str, Any] = {}
         self.settings: list[DeviceSetting] = []
         self.is_read = False
@@ -57,10 +66,13 @@ class DronecanWorld(World):
 
     Args:
         address: `INTERFACE:CHANNEL[?bitrate=N]` of python-can.
+        images: new software for nodes; None: there is none.
     """
 
-    def __init__(self, address: str) -> None:
-        self._address = address
+    def __init__(self, address: str, images: ImageFolder | None = None) -> None:
+        self._address, self._images = address, images
+        self._remarks: dict[bytes, str] = {}
+        """How nodes got new software, by their unique ids, until they are devices again."""
         self._nodes: dict[int, _Node] = {}
         self._driven: dict[int, NodeDevice] = {}
         self._written = dict[tuple[int, str], object]()
@@ -85,6 +97,7 @@ class DronecanWorld(World):
             monitor = NodeMonitor(node)
             monitor.add_update_handler(self._monitored)
             self._allocator = NodeIdAllocator(node, monitor)
+            self._software = NodeSoftware(node, self._images, self._say)
             node.add_handler(uavcan.protocol.NodeStatus, self._status)
             for kind in KINDS:
                 message_type = uavcan
@@ -109,6 +122,8 @@ class DronecanWorld(World):
             if known is not None:
                 self._lose(known, f"node {entry.node_id} has sent no NodeStatus for 3 s")
         elif event.event_id == event.EVENT_ID_INFO_UPDATE and entry.info is not None and entry.node_id != OWN_ID:
+            if known is not None and not known.has_restarted and known.unique == _unique(entry.info):
+                return  # somebody else has asked who it is
             if known is not None:
                 self._lose(known, f"node {entry.node_id} has started anew")
             self._nodes[entry.node_id] = _Node(entry.node_id, entry.info)
@@ -120,6 +135,7 @@ class DronecanWorld(World):
         for key in [key for key in self._written if key[0] == known.node_id]:
             del self._written[key]
         if (device := known.device) is not None:
+            why = self._software.state_of(known.unique) or why
             self._thread.tell(lambda: self._host.lost(device, why))
 
     def _read_setting(self, known: _Node, index: int) -> None:
@@ -139,7 +155,9 @@ class DronecanWorld(World):
     def _finish(self) -> None:
         """Nodes that have been listened to for long enough become devices."""
         for known in self._nodes.values():
-            if known.device is None and known.is_read and time.monotonic() - known.since >= LISTEN_S and known.seen:
+            if known.device is not None or known.mode == MODE_SOFTWARE_UPDATE:
+                continue
+            if known.is_read and time.monotonic() - known.since >= LISTEN_S and known.seen:
                 device = known.device = NodeDevice(
                     identity_of(known.node_id, known.info),
                     known.node_id,
@@ -147,15 +165,26 @@ class DronecanWorld(World):
                     tuple(known.settings),
                     order=partial(self._ordered, known),
                     write=self._write,
+                    restart=partial(self._thread.post, partial(self._software.restart, known.node_id)),
+                    update=partial(self._update, known),
+                    images=self._images,
+                    remark=self._remarks.pop(known.unique, ""),
                     news=self._host.news,
                 )
                 self._thread.tell(partial(self._host.found, device))
 
     def _status(self, event: Any) -> None:  # noqa: ANN401
-        known = self._nodes.get(event.transfer.source_node_id)
-        if known is not None and (device := known.device) is not None:
-            critical = event.message.health == event.message.HEALTH_CRITICAL
-            self._thread.tell(lambda: device.health(critical=critical))
+        known, status = self._nodes.get(event.transfer.source_node_id), event.message
+        if known is None:
+            return
+        known.has_restarted |= status.uptime_sec < known.uptime_s
+        known.uptime_s, known.mode = status.uptime_sec, status.mode
+        if not known.has_restarted:
+            self._software.lives(known, known.unique, status, version_of(known.info.software_version))
+        if (device := known.device) is not None:
+            health = status.health == status.HEALTH_CRITICAL, status.mode == MODE_SOFTWARE_UPDATE
+            if health != (device.is_critical, device.is_updating):
+                self._thread.tell(partial(device.health, *health))
 
     def _heard(self, kind: str, event: Any) -> None:  # noqa: ANN401
         known = self._nodes.get(event.transfer.source_node_id)
@@ -166,6 +195,31 @@ class DronecanWorld(World):
         else:
             device, message = known.device, event.message
             self._thread.tell(lambda: device.heard(kind, message))
+
+    # New software
+
+    def _update(self, known: _Node, image: str) -> None:
+        """From the loop: a device has left its robot, and is to take new software."""
+
+        def begin() -> None:
+            before = version_of(known.info.software_version)
+            ended = partial(self._updated, known)
+            self._software.begin(known, known.node_id, known.unique, name=image, before=before, ended=ended)
+
+        self._thread.post(begin)
+
+    def _updated(self, known: _Node, outcome: str) -> None:
+        self._say(outcome)
+        device = known.device
+        if self._nodes.get(known.node_id) is known and device is not None:
+            self._thread.tell(lambda: device.not_updated(outcome))
+        else:
+            if len(self._remarks) >= MOST_REMARKS:
+                del self._remarks[next(iter(self._remarks))]
+            self._remarks[known.unique] = outcome
+
+    def _say(self, words: str) -> None:
+        self._thread.tell(partial(self._host.say, words))
 
     # Orders
 
@@ -224,7 +278,7 @@ def identity_of(node_id: int, info: Any) -> DeviceIdentity:  # noqa: ANN401
     return DeviceIdentity(
         maker,
         product,
-        hardware.unique_id.to_bytes(),
+        _unique(info),
         f"DroneCAN {product} of {maker}",
         f"node {node_id}",
         f"{hardware.major}.{hardware.minor}",
@@ -267,6 +321,10 @@ def parameter_value(value: object) -> Any:  # noqa: ANN401
     else:
         made.string_value = str(value)
     return made
+
+
+def _unique(info: Any) -> bytes:  # noqa: ANN401
+    return bytes(info.hardware_version.unique_id.to_bytes())
 
 
 def _text(array: Any) -> str:  # noqa: ANN401

@@ -12,11 +12,12 @@ from collections.abc import Callable
 from typing import Any
 
 from msbot.part import Message
-from msbot.part.messages.standard import Angle, Battery, Distance, Level, Speed, Temperature
+from msbot.part.messages.standard import Angle, Battery, Distance, Level, Place, Speed, Temperature, Text, Trigger
 from msbot_agent.text.sentence import said
 from msbot_bridges.bridge import (
     DeviceIdentity,
     DeviceOutput,
+    DeviceService,
     DeviceSetting,
     Fit,
     ForeignDevice,
@@ -24,22 +25,26 @@ from msbot_bridges.bridge import (
     Report,
     fits_of,
 )
+from msbot_bridges.dronecan.software_update import ImageFolder
+from msbot_xrce.errors import CallError, ConfigError
 
 NEUTRAL_DEGREES = 3.0
 """A servo is at its neutral position when it reports no more than this."""
 STANDS_RPM = 1.0
 
-ESC, SERVO, RANGE, BATTERY = (
+ESC, SERVO, RANGE, BATTERY, PLACE = (
     "uavcan.equipment.esc.Status",
     "uavcan.equipment.actuator.Status",
     "uavcan.equipment.range_sensor.Measurement",
     "uavcan.equipment.power.BatteryInfo",
+    "uavcan.equipment.gnss.Fix2",
 )
 _OUTPUTS = {
     ESC: (DeviceOutput("turns", Speed), DeviceOutput("supply", Battery), DeviceOutput("temperature", Temperature)),
     SERVO: (DeviceOutput("position", Angle),),
     RANGE: (DeviceOutput("distance", Distance),),
     BATTERY: (DeviceOutput("battery", Battery),),
+    PLACE: (DeviceOutput("place", Place),),
 }
 _INPUTS = {
     ESC: Input("power", Level, safe=Level(percent=0)),
@@ -54,7 +59,10 @@ _KIND_WORDS = {
     SERVO: said("servos"),
     RANGE: said("range finders"),
     BATTERY: said("batteries"),
+    PLACE: said("GNSS receivers"),
 }
+RESTART, UPDATE = "restart", "update"
+"""Services."""
 
 
 def node_fits() -> tuple[Fit, ...]:
@@ -75,6 +83,10 @@ class NodeDevice(ForeignDevice):
         settings: its parameters.
         order: called, in the event loop, whenever what it is to do has changed; True: it is STOP.
         write: writes a parameter.
+        restart: restarts it.
+        update: gives it new software, by the name of its image.
+        images: from which it can get new software; None: from none.
+        remark: how it got the software that it has.
         news: called when it has reported something.
     """
 
@@ -87,6 +99,10 @@ class NodeDevice(ForeignDevice):
         *,
         order: Callable[[bool], None],
         write: Callable[[int, str, object], None],
+        restart: Callable[[], None],
+        update: Callable[[str], None],
+        images: ImageFolder | None = None,
+        remark: str = "",
         news: Callable[[ForeignDevice], None],
     ) -> None:
         self.identity = identity
@@ -103,8 +119,16 @@ class NodeDevice(ForeignDevice):
         self.power = 0.0
         """-100 to 100."""
         self.radians = 0.0
-        self.critical = False
+        self.is_critical = self.is_updating = False
+        """As its NodeStatus says."""
+        self.services = (DeviceService(RESTART, Trigger, Text),)
+        if images is not None:
+            self.services += (DeviceService(UPDATE, Text, Text),)
+        self.update_state = ""
+        """That it takes new software, as a sentence; it is no part of its robot meanwhile."""
+        self._wanted_image = ""
         self._order, self._write, self._news = order, write, news
+        self._restart, self._update, self._images, self._remark = restart, update, images, remark
         self._report: Report | None = None
         self._unconfirmed = set[str]()
 
@@ -117,6 +141,9 @@ class NodeDevice(ForeignDevice):
         """See `ForeignDevice`."""
         self._report, self.is_driven = None, False
         self._order(False)
+        if self._wanted_image:
+            image, self._wanted_image = self._wanted_image, ""
+            self._update(image)
 
     def act(self, port: str, message: Message) -> None:  # noqa: ARG002 - the class says which
         """See `ForeignDevice`."""
@@ -125,6 +152,23 @@ class NodeDevice(ForeignDevice):
         elif isinstance(message, Angle):
             self.radians = math.radians(message.degrees)
         self._order(False)
+
+    def serve(self, name: str, request: Message) -> Message:
+        """See `ForeignDevice`."""
+        if name == RESTART:
+            self._restart()
+            return Text(text=f"node {self.node_id} was told to restart")
+        assert isinstance(request, Text), name
+        assert self._images is not None
+        try:
+            self._images.check(request.text)
+        except ConfigError as error:
+            raise CallError(str(error)) from error
+        # First it leaves its robot, which makes it safe; then it is told.
+        self._wanted_image = request.text
+        self.update_state = f"node {self.node_id} takes new software ({request.text})"
+        self._news(self)
+        return Text(text=f"{self.update_state}; the bridge says how it ends")
 
     def set(self, name: str, value: object) -> None:
         """See `ForeignDevice`."""
@@ -154,13 +198,26 @@ class NodeDevice(ForeignDevice):
     @property
     def fault(self) -> str:
         """See `ForeignDevice`."""
-        return f"node {self.node_id} says that its health is CRITICAL" if self.critical else ""
+        if self.update_state:
+            return self.update_state
+        if self.is_updating:
+            return f"node {self.node_id} takes new software"
+        return f"node {self.node_id} says that its health is CRITICAL" if self.is_critical else ""
 
-    def health(self, *, critical: bool) -> None:
-        """Its NodeStatus has come."""
-        if critical is not self.critical:
-            self.critical = critical
-            self._news(self)
+    @property
+    def remark(self) -> str:
+        """See `ForeignDevice`."""
+        return self._remark
+
+    def not_updated(self, why: str) -> None:
+        """It has not taken new software, and goes on as it was."""
+        self.update_state, self._remark = "", why
+        self._news(self)
+
+    def health(self, is_critical: bool, is_updating: bool) -> None:
+        """Its NodeStatus says something else than the one before."""
+        self.is_critical, self.is_updating = is_critical, is_updating
+        self._news(self)
 
     def heard(self, kind: str, message: Any) -> None:  # noqa: ANN401 - the library makes its classes when it runs
         """It has broadcast one of its messages."""
@@ -180,6 +237,17 @@ class NodeDevice(ForeignDevice):
         elif kind == BATTERY:
             percent = float(message.state_of_charge_pct)
             report("battery", Battery(volts=message.voltage, amperes=message.current, percent=percent))
+        elif kind == PLACE and message.status >= message.STATUS_2D_FIX:  # without a fix it knows no place
+            height = message.height_msl_mm / 1000 if message.status == message.STATUS_3D_FIX else math.nan
+            report(
+                "place",
+                Place(
+                    latitude=message.latitude_deg_1e8 / 1e8,
+                    longitude=message.longitude_deg_1e8 / 1e8,
+                    altitude=height,
+                    satellites=message.sats_used,
+                ),
+            )
 
     def _confirm(self, kind: str, stands: bool) -> None:
         if self.is_stopping and stands and kind in self._unconfirmed:

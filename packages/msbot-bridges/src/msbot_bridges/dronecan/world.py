@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 from msbot_bridges.bridge import (
@@ -27,10 +28,12 @@ def open_world(link: BridgeLink) -> World:
     """
     try:
         from msbot_bridges.dronecan.dronecan_world import DronecanWorld
+        from msbot_bridges.dronecan.software_update import ImageFolder
     except ModuleNotFoundError as error:
         raise _missing(error) from error
     check_address(link.address)
-    return DronecanWorld(link.address)
+    folder = link.option("software")
+    return DronecanWorld(link.address, ImageFolder(Path(folder)) if folder else None)
 
 
 def _servo(link: BridgeLink, options: Mapping[str, Any]) -> SimulatedDevice:
@@ -67,9 +70,10 @@ CLAIM = CanClaim(
 """Priority, type and source may have any value. Nodes report and are told 10 times a second."""
 
 WORLD = WorldKind(
-    "DroneCAN servos, motor controllers, range finders, batteries",
+    "DroneCAN servos, motor controllers, range finders, batteries, GNSS receivers",
     "socketcan:can0",
     open_world,
+    options={"software": "a folder with images of new software for nodes"},
     simulated={"servo": _servo},
     fits=_fits,
     can=CLAIM,
