@@ -11,6 +11,7 @@ import hashlib
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import AbstractAsyncContextManager, nullcontext
 from dataclasses import field
 from typing import Any, Protocol
 
@@ -287,6 +288,15 @@ class WorldKind:
     """Which standard messages its devices send, and are driven by; without its library."""
     can: CanClaim | None = None
     """What it takes of a CAN bus; None: its devices are on none."""
+    numbers: Mapping[str, str] = field(default_factory=dict)
+    """The part number of what can be simulated, by name, where it is always the same: by it a demo knows which slot a
+    simulated device is for, so that it can be pulled out and plugged in again."""
+    network: Callable[[BridgeLink], AbstractAsyncContextManager[BridgeLink]] | None = None
+    """Brings up the network where an address asks for one of MsBOT's own, and gives where it then is."""
+
+    def reached(self, link: BridgeLink) -> AbstractAsyncContextManager[BridgeLink]:
+        """Where the network is as long as the block runs; see `network`."""
+        return nullcontext(link) if self.network is None else self.network(link)
 
     def check(self, name: str, link: BridgeLink) -> None:
         """Refuse options that this kind of world does not have.

@@ -101,4 +101,5 @@ WORLD = WorldKind(
     simulated={"drive": _drive, "io": _io},
     fits=_fits,
     can=CLAIM,
+    numbers={"drive": "vendor-0x4d53:SimDrive", "io": "vendor-0x4d53:SimIO"},
 )

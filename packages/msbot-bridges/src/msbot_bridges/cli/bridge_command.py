@@ -7,7 +7,7 @@ import contextlib
 import logging
 import os
 import threading
-from collections.abc import Coroutine, Mapping
+from collections.abc import Callable, Coroutine, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -18,7 +18,7 @@ from msbot_xrce.errors import ConfigError
 
 if TYPE_CHECKING:
     from msbot.cli.run.host import Endable
-    from msbot_bridges.bridge import BridgeLink, SimulatedDevice, WorldKind
+    from msbot_bridges.bridge import Bridge, BridgeLink, SimulatedDevice, WorldKind
 
 
 @click.command("bridge")
@@ -138,10 +138,39 @@ def _bridge(kind: WorldKind, link: BridgeLink, robot_link: str, *, quiet: bool) 
         part.key = given_key(None, part.part_number, part.uid.hex())  # one for each device
 
     def make() -> tuple[Endable, Coroutine[object, object, None]]:
-        bridge = Bridge(kind.open(link), connect, prepare)
+        bridge = _OnNetwork(kind, link, lambda reached: Bridge(kind.open(reached), connect, prepare))
         return bridge, bridge.run()
 
     run_until_told(make, quiet=quiet)
+
+
+class _OnNetwork:
+    """A bridge, and before it its network, where the address asks for one of MsBOT's own.
+
+    Args:
+        kind: the world.
+        link: the address.
+        make: makes the bridge, once it is known where its network is.
+    """
+
+    def __init__(self, kind: WorldKind, link: BridgeLink, make: Callable[[BridgeLink], Bridge]) -> None:
+        self._kind, self._link, self._make = kind, link, make
+        self._bridge: Bridge | None = None
+        self._is_ended = False
+
+    def end(self) -> None:
+        self._is_ended = True
+        if self._bridge is not None:
+            self._bridge.end()
+
+    async def run(self) -> None:
+        async with self._kind.reached(self._link) as reached:
+            if reached.address != self._link.address:
+                logging.getLogger("msbot.part").info("%s is at %s", self._link.address, reached.address)
+            self._bridge = self._make(reached)
+            if self._is_ended:
+                self._bridge.end()
+            await self._bridge.run()
 
 
 class _Simulation:

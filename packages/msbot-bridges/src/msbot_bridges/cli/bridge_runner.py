@@ -3,26 +3,23 @@
 from __future__ import annotations
 
 import asyncio
-import contextlib
-import logging
-import sys
 from collections.abc import Callable, Coroutine, Mapping, Sequence
 from typing import Final
 
-from msbot.cli.run.bridges_beside import BridgeBus
+from msbot.cli.run.bridges_beside import BridgeBus, PluggableDevice
 from msbot.config import BridgeTable
 from msbot.part import Part
 from msbot.part.join.part_keys import given_key
 from msbot.part.join.pnp_messages import Nature
 from msbot_agent.link import Link
+from msbot_agent.process.end_signals import ungrouped
 from msbot_bridges.bridge import Bridge, BridgeLink, World, WorldKind, worlds
 from msbot_bridges.canbus import OnBus, check_one_bus, robot_on_bus
-from msbot_xrce.errors import ConfigError, LinkDown
+from msbot_bridges.cli.device_process import DeviceProcess
+from msbot_xrce.errors import ConfigError, LinkDown, MsbotError
 
 AGAIN_S: Final = 5.0
 """Time after which a network that has ended is tried again."""
-END_S: Final = 5.0
-_log = logging.getLogger("msbot.part")
 Work = Coroutine[object, object, None]
 
 
@@ -67,14 +64,26 @@ class BlueprintBridges:
             for together in by_bus.values()
         ]
 
+    def devices(self, bridges: Sequence[BridgeTable]) -> list[DeviceProcess]:
+        """See `BridgeRunner`."""
+        made = []
+        for table in bridges:
+            kind = _kind(table)
+            for device in table.simulate:
+                name, options = _device(kind, table, device)
+                made.append(DeviceProcess(table, name, options, kind.numbers.get(name, "")))
+        return made
+
     def coroutines(
-        self, bridges: Sequence[BridgeTable], connect: Callable[[Part], Link], say: Callable[[str], None]
+        self,
+        bridges: Sequence[BridgeTable],
+        connect: Callable[[Part], Link],
+        say: Callable[[str], None],
+        devices: Sequence[PluggableDevice] | None = None,
     ) -> list[Work]:
         """See `BridgeRunner`."""
-        return [
-            *(_run_bridge(table, connect, say) for table in bridges),
-            *(_run_device(table, device) for table in bridges for device in table.simulate),
-        ]
+        made = self.devices(bridges) if devices is None else [one for one in devices if isinstance(one, DeviceProcess)]
+        return [_run_table(table, connect, say, [one for one in made if one.table == table]) for table in bridges]
 
 
 RUNNER = BlueprintBridges()
@@ -118,7 +127,26 @@ def _device(kind: WorldKind, table: BridgeTable, device: str) -> tuple[str, dict
     return name, options
 
 
-async def _run_bridge(table: BridgeTable, connect: Callable[[Part], Link], say: Callable[[str], None]) -> None:
+async def _run_table(
+    table: BridgeTable, connect: Callable[[Part], Link], say: Callable[[str], None], devices: Sequence[DeviceProcess]
+) -> None:
+    """One network with its bridge and simulated devices; a robot does not end because it cannot be brought up."""
+    while True:
+        try:
+            async with _kind(table).reached(_link(table)) as reached:
+                with ungrouped(MsbotError):
+                    async with asyncio.TaskGroup() as tasks:
+                        tasks.create_task(_run_bridge(table, reached, connect, say))
+                        for device in devices:
+                            tasks.create_task(device.run(reached.address))
+        except LinkDown as error:
+            say(f"bridge for {table.world}: {error}; tried again in {AGAIN_S:g} s")
+        await asyncio.sleep(AGAIN_S)
+
+
+async def _run_bridge(
+    table: BridgeTable, link: BridgeLink, connect: Callable[[Part], Link], say: Callable[[str], None]
+) -> None:
     """One bridge; a robot does not end because a network of its devices has."""
 
     def prepare(part: Part) -> None:
@@ -127,35 +155,10 @@ async def _run_bridge(table: BridgeTable, connect: Callable[[Part], Link], say: 
 
     nature = Nature.SIMULATED if table.simulate else Nature.REAL
     while True:
-        world: World = _kind(table).open(_link(table))
+        world: World = _kind(table).open(link)
         bridge = Bridge(world, connect, prepare, nature)
         try:
             await bridge.run()
         except LinkDown as error:
             say(f"bridge for {table.world}: {error}; tried again in {AGAIN_S:g} s")
         await asyncio.sleep(AGAIN_S)
-
-
-async def _run_device(table: BridgeTable, device: str) -> None:
-    """One simulated device in a process of its own; one that ends stays away, as if it was pulled out."""
-    name, options = _device(_kind(table), table, device)
-    words = [word for option, value in options.items() for word in ("--option", f"{option}={value}")]
-    arguments = ["bridge", table.world, "--simulate", name, "--link", table.link, "--quiet", "--end-with-stdin", *words]
-    # It ends with this process even if that is killed: its standard input ends then.
-    process = await asyncio.create_subprocess_exec(
-        sys.executable, "-m", "msbot", *arguments, stdin=asyncio.subprocess.PIPE
-    )
-    _log.info("simulated %s of %s: process %d", device, table.world, process.pid)
-    try:
-        status = await process.wait()
-        _log.warning("simulated %s of %s has ended (status %d)", device, table.world, status)
-        await asyncio.Event().wait()
-    finally:
-        with contextlib.suppress(ProcessLookupError):
-            process.terminate()
-        try:
-            async with asyncio.timeout(END_S):
-                await process.wait()
-        except TimeoutError:
-            process.kill()
-            await process.wait()

@@ -77,4 +77,5 @@ WORLD = WorldKind(
     simulated={"servo": _servo},
     fits=_fits,
     can=CLAIM,
+    numbers={"servo": "org.msbot:simservo"},
 )

@@ -56,7 +56,7 @@ class BrokerAddress:
 
 
 def read_address(text: str, options: Mapping[str, str]) -> BrokerAddress:
-    """Read `mqtt://[USER@]HOST[:PORT]` or `mqtts://...`.
+    """Read `mqtt://[USER@]HOST[:PORT]`, `mqtts://...`, or `broker:PORT` for a broker of MsBOT's own.
 
     Args:
         text: the address.
@@ -65,7 +65,12 @@ def read_address(text: str, options: Mapping[str, str]) -> BrokerAddress:
     Raises:
         ConfigError: it is no such address, or a file cannot be read.
     """
-    wrong = ConfigError(f"--link {text}: write mqtt://HOST, mqtt://USER@HOST:PORT, or mqtts:// with TLS")
+    wrong = ConfigError(
+        f"--link {text}: write mqtt://HOST, mqtt://USER@HOST:PORT, mqtts:// with TLS, or broker:PORT for a small "
+        "broker that runs with the bridge (broker:0: at any port that is free)"
+    )
+    if (own := own_port(text)) is not None:
+        return BrokerAddress("127.0.0.1", own)
     parts = urlsplit(text)
     if parts.scheme not in ("mqtt", "mqtts") or not parts.hostname or parts.path.strip("/") or parts.query:
         raise wrong
@@ -89,6 +94,13 @@ def read_address(text: str, options: Mapping[str, str]) -> BrokerAddress:
         raise ConfigError(f"--option ca={ca}: there is no such file")
     user = unquote(parts.username) if parts.username else None
     return BrokerAddress(parts.hostname, port or (8883 if is_tls else 1883), user, password, is_tls, ca)
+
+
+def own_port(text: str) -> int | None:
+    """The port of a broker of MsBOT's own, `broker:PORT`; None: the address is another's."""
+    scheme, _, port = text.partition(":")
+    is_port = scheme == "broker" and port.isdecimal() and int(port) < 65_536
+    return int(port) if is_port else None
 
 
 @dataclass(frozen=True, slots=True)

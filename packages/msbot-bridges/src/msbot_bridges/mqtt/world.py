@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import AsyncIterator, Mapping, Sequence
+from contextlib import asynccontextmanager
 from typing import TYPE_CHECKING, Any
 
 from msbot_bridges.bridge import BridgeLink, Fit, SimulatedDevice, World, WorldKind
@@ -52,6 +53,21 @@ def _simulated_lamp(link: BridgeLink, options: Mapping[str, Any]) -> SimulatedDe
     return SimulatedLamp(link, options)
 
 
+@asynccontextmanager
+async def _network(link: BridgeLink) -> AsyncIterator[BridgeLink]:
+    """See `WorldKind.network`: a broker, where the address is `broker:PORT`."""
+    from msbot_bridges.mqtt.broker import own_port
+
+    port = own_port(link.address)
+    if port is None:
+        yield link
+        return
+    from msbot_bridges.mqtt.own_broker.server import OwnBroker
+
+    async with OwnBroker(port).running() as broker:
+        yield BridgeLink(f"mqtt://127.0.0.1:{broker.port}", link.options)
+
+
 def _fits() -> Sequence[Fit]:
     from msbot_bridges.mqtt.mqtt_fits import mqtt_fits
 
@@ -70,4 +86,6 @@ WORLD = WorldKind(
     },
     {"lamp": _simulated_lamp},
     _fits,
+    numbers={"lamp": "simulated:lamp"},
+    network=_network,
 )

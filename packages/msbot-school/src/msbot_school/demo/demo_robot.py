@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from random import Random
 
+from msbot.cli.run.bridges_beside import PluggableDevice
 from msbot.config import Blueprint, Library
 from msbot.master import Master
 from msbot.part import Part, SimGpio
@@ -49,10 +50,22 @@ class DemoPlace:
         part_number: its part number.
         uid: 8 octets; the same however often it is plugged in.
         library: where its part number is looked up.
+        device: the simulated device behind a bridge that is there; its part says its UID. None: a simulated part.
     """
 
-    def __init__(self, name: str, slot: str, part_number: str, uid: bytes, library: Library | None) -> None:
+    def __init__(
+        self,
+        name: str,
+        slot: str,
+        part_number: str,
+        uid: bytes,
+        library: Library | None,
+        *,
+        device: PluggableDevice | None = None,
+    ) -> None:
         self.name = name
+        self.device = device
+        self.is_uid_known = device is None
         self.slot = slot
         self.part_number = part_number
         self.uid = uid
@@ -126,6 +139,8 @@ class DemoRobot:
         names: slots whose parts are in the demo; all if absent.
         spares: further parts by name, each with the slot that it is meant for; plugged in when all others are active.
         unplugged: slots whose parts are not plugged in at the beginning.
+        bridged: slots whose parts come from behind a bridge.
+        devices: the simulated devices there.
         door: the way into a world; None: the parts are in none.
         library: where parts other than the thesis' three are looked up; MsBOT's own if absent.
         space: where the robot's topics are; memory if absent.
@@ -147,6 +162,8 @@ class DemoRobot:
         names: tuple[str, ...] | None = None,
         spares: Mapping[str, str] | None = None,
         unplugged: Collection[str] = (),
+        bridged: Collection[str] = (),
+        devices: Sequence[PluggableDevice] = (),
         door: WorldConnection | None = None,
         library: Library | None = None,
         space: Space | None = None,
@@ -173,11 +190,13 @@ class DemoRobot:
         self.master.add_link(self._wiring.master_link)
         self.master.inventory.on_event(self._changed)
         self._spares = dict(spares or {})
-        self._unplugged = frozenset(unplugged)
+        self._bridged = frozenset(bridged)
+        self._unplugged = frozenset(unplugged) | self._bridged
         self._door = door
         self._inside: dict[str, str] = {}
         """Slot -> the plug whose part sits there in the world."""
         self._plugs: dict[str, DemoPlace] = {}
+        free = [one for one in devices if one.part_number]
         own = tuple(slot.name for slot in blueprint.slots) if names is None else names
         for name, meant_for in {**dict(zip(own, own, strict=True)), **self._spares}.items():
             slot = blueprint.slot(meant_for)
@@ -185,7 +204,12 @@ class DemoRobot:
                 raise ConfigError(
                     f"the demo needs a slot {meant_for!r}; the blueprint has none: use the sample of `msbot init`"
                 )
-            self._plugs[name] = DemoPlace(name, meant_for, slot.part_number, self._random.randbytes(8), library)
+            device = self._take_device(free, slot.part_number) if name in self._bridged else None
+            self._plugs[name] = DemoPlace(
+                name, meant_for, slot.part_number, self._random.randbytes(8), library, device=device
+            )
+        for device in free:
+            self._add_device(device)
         self._by_uid = {plug.uid: plug for plug in self._plugs.values()}
         self._baseline: dict[str, tuple[int, int]] = {}
         self._tasks: asyncio.TaskGroup | None = None
@@ -193,6 +217,20 @@ class DemoRobot:
         """All parts but the spares have been plugged in for the first time."""
         self._finished = asyncio.Event()
         self._final: DemoSnapshot | None = None
+
+    @staticmethod
+    def _take_device(free: list[PluggableDevice], part_number: str) -> PluggableDevice | None:
+        device = next((one for one in free if one.part_number == part_number), None)
+        if device is not None:
+            free.remove(device)
+        return device
+
+    def _add_device(self, device: PluggableDevice) -> None:
+        """A device that has no slot of its own: it stands by."""
+        name, number = device.name, 2
+        while name in self._plugs:
+            name, number = f"{device.name}{number}", number + 1
+        self._plugs[name] = DemoPlace(name, "", device.part_number, self._random.randbytes(8), None, device=device)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -214,8 +252,10 @@ class DemoRobot:
                     if self._door is not None:
                         background.append(tasks.create_task(self._door.run()))
                     await self.master.ready.wait()
-                    for name in self._plugs:
-                        if name not in self._spares and name not in self._unplugged:
+                    for name, plug in self._plugs.items():
+                        if plug.device is not None and plug.device.is_plugged:
+                            plug.plugged_at = self._loop.time()
+                        elif plug.device is None and name not in self._spares and name not in self._unplugged:
                             self.plug(name)
                     self.begun.set()
                     self._watch_start()
@@ -247,13 +287,19 @@ class DemoRobot:
 
     def is_plugged(self, name: str) -> bool:
         """Whether that part is on the wire."""
-        return self._plug(name).part is not None
+        plug = self._plug(name)
+        return plug.part is not None if plug.device is None else plug.device.is_plugged
 
     def plug(self, name: str) -> bool:
         """Plug a part in; False: it already is, or the robot does not run, and nothing happens."""
         plug = self._plug(name)
         if plug.part is not None or self._tasks is None:
             return False
+        if plug.device is not None:
+            plug.plugged_at, plug.active_at = self._loop.time(), None
+            return plug.device.plug()
+        if name in self._bridged:
+            return False  # only the device itself can be there
         part = plug.make(Random(self._random.getrandbits(64)))
         plug.plugged_at = self._loop.time()
         plug.active_at = None
@@ -265,6 +311,8 @@ class DemoRobot:
     def unplug(self, name: str) -> bool:
         """Pull a part out: it is off the wire and without power at once, and says no goodbye; False: it is out."""
         plug = self._plug(name)
+        if plug.device is not None:
+            return plug.device.unplug()
         if plug.part is None or plug.task is None:
             return False
         self._wiring.pull(name)
@@ -338,7 +386,7 @@ class DemoRobot:
             part_number=plug.part_number,
             slot=(info.slot or "") if info is not None else "",
             state=info.state.value if info is not None else PartState.NEW.value,
-            plugged=plug.part is not None,
+            plugged=self.is_plugged(plug.name),
             life=info.life if info is not None else 0,
             beat_age_s=info.beat_age_s if info is not None else None,
             beats=info.beats if info is not None else 0,
@@ -388,7 +436,7 @@ class DemoRobot:
     def _changed(self, event: PartEvent) -> None:
         if self._final is not None:
             return  # the end of the robot itself is no news
-        plug = self._by_uid.get(event.uid)
+        plug = self._by_uid.get(event.uid) or self._device_of(event)
         name = plug.name if plug is not None else event.slot or event.part
         if plug is not None and event.to_state is PartState.ACTIVE and plug.active_at is None:
             plug.active_at = event.at
@@ -403,6 +451,15 @@ class DemoRobot:
         self.events.append(shown)
         for listener in self._event_listeners:
             listener(shown)
+
+    def _device_of(self, event: PartEvent) -> DemoPlace | None:
+        """The place of a device whose part has come for the first time; its UID is known from then on."""
+        for plug in self._plugs.values() if event.uid else ():
+            if plug.device is not None and not plug.is_uid_known and plug.part_number == event.part_number:
+                plug.is_uid_known, plug.uid = True, event.uid
+                self._by_uid[event.uid] = plug
+                return plug
+        return None
 
     def _watch_start(self) -> None:
         """Count traffic from the first moment when every part of the ring can hear its partner."""

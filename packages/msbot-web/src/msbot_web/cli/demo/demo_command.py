@@ -19,7 +19,7 @@ import click
 from msbot.cli.bus.frame_log import FrameLog
 from msbot.cli.change.robot_access import master_details
 from msbot.cli.robot_options import metrics_option, user_name
-from msbot.cli.run.bridges_beside import bridges_beside, check_bridges
+from msbot.cli.run.bridges_beside import bridges_beside, check_bridges, simulated_devices
 from msbot.cli.run.master_services import RobotRecording, log_event, metrics_beside, rec_option
 from msbot.cli.run.world_options import WorldOptions, world_options
 from msbot.config import SAMPLES, Blueprint, Library, open_blueprint
@@ -281,6 +281,7 @@ async def _main(
         recording = RobotRecording(options.rec, folder / "rec", library)
         notes = Notes()
         world = DemoWorld(options.world, options.seed, notes.add)
+        devices = simulated_devices(blueprint)
         robot = DemoRobot(
             blueprint,
             store,
@@ -294,7 +295,9 @@ async def _main(
             library=library,
             space=recording.space(space),
             spares=_spares(blueprint) if options.spare else None,
-            unplugged=[slot.name for slot in blueprint.slots if _comes_by_itself(slot.part_number, library)],
+            unplugged=[slot.name for slot in blueprint.slots if slot.part_number == PILOT],
+            bridged=[slot.name for slot in blueprint.slots if _is_bridged(slot.part_number, library)],
+            devices=devices,
             door=world.door,
         )
         _check_script(options.script, robot)
@@ -308,7 +311,7 @@ async def _main(
         script = ScriptRun(options.script, robot, undo, notes.add)
         with _logging(robot, options.log):
             beside: list[Coroutine[object, object, None]] = world.coroutines(operations)
-            beside += bridges_beside(blueprint, robot.master, notes.add)
+            beside += bridges_beside(blueprint, robot.master, notes.add, devices)
             desk = make_lesson_controller(operations, options.lessons, robot, options.world.world or "")
             room: RobotPages | None = None
 
@@ -374,10 +377,10 @@ async def _begin(desk: LessonController, robot: DemoRobot, options: _Options, no
         notes.add(f"The lesson has not begun: {error}")  # who chose it on the page sees the robot, and can try again
 
 
-def _comes_by_itself(number: str, library: Library) -> bool:
-    """Whether the demo plugs in no part there: a person's program, or a device behind a bridge, takes the place."""
+def _is_bridged(number: str, library: Library) -> bool:
+    """Whether the demo makes no part there, because a device behind a bridge is one."""
     part_type = library.get(number)
-    return number == PILOT or (part_type is not None and bool(part_type.origin))
+    return part_type is not None and bool(part_type.origin)
 
 
 def _spares(blueprint: Blueprint) -> dict[str, str]:

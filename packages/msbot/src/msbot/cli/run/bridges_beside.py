@@ -31,6 +31,28 @@ class BridgeBus:
     """None: the address does not say."""
 
 
+class PluggableDevice(Protocol):
+    """A simulated device of a bridge, which can be pulled out and plugged in again; at first it is plugged in."""
+
+    @property
+    def name(self) -> str:
+        """What it is, as its world calls it: `drive`."""
+
+    @property
+    def part_number(self) -> str:
+        """What it will be in the robot; empty: it is not known beforehand."""
+
+    @property
+    def is_plugged(self) -> bool:
+        """Whether it is there."""
+
+    def plug(self) -> bool:
+        """Plug it in; False: it already is."""
+
+    def unplug(self) -> bool:
+        """Pull it out, without a goodbye; False: it is out."""
+
+
 @runtime_checkable
 class BridgeRunner(Protocol):
     """Runs bridges; brought by the distribution that has them."""
@@ -49,10 +71,24 @@ class BridgeRunner(Protocol):
     def buses(self, bridges: Sequence[BridgeTable]) -> Sequence[BridgeBus]:
         """The CAN buses of these bridges."""
 
+    def devices(self, bridges: Sequence[BridgeTable]) -> Sequence[PluggableDevice]:
+        """The simulated devices of these bridges, for `coroutines`; in an event loop."""
+
     def coroutines(
-        self, bridges: Sequence[BridgeTable], connect: Callable[[Part], Link], say: Callable[[str], None]
+        self,
+        bridges: Sequence[BridgeTable],
+        connect: Callable[[Part], Link],
+        say: Callable[[str], None],
+        devices: Sequence[PluggableDevice] | None = None,
     ) -> list[Coroutine[object, object, None]]:
-        """What runs beside the master, until cancelled; the parts reach it by the links that `connect` makes."""
+        """What runs beside the master, until cancelled; the parts reach it by the links that `connect` makes.
+
+        Args:
+            bridges: all of the blueprint.
+            connect: makes a link to the master for a part.
+            say: takes what a person should know.
+            devices: the simulated devices, where somebody wants to pull them out; made here if absent.
+        """
 
 
 def check_bridges(blueprint: Blueprint, links: Sequence[str] = ()) -> None:
@@ -78,15 +114,23 @@ def bridge_buses(blueprint: Blueprint) -> Sequence[BridgeBus]:
     return _runner().buses(blueprint.bridges) if blueprint.bridges else ()
 
 
+def simulated_devices(blueprint: Blueprint) -> Sequence[PluggableDevice]:
+    """The simulated devices of a blueprint's bridges, for `bridges_beside`."""
+    return _runner().devices(blueprint.bridges) if blueprint.bridges else ()
+
+
 def bridges_beside(
-    blueprint: Blueprint, master: Master, say: Callable[[str], None]
+    blueprint: Blueprint,
+    master: Master,
+    say: Callable[[str], None],
+    devices: Sequence[PluggableDevice] | None = None,
 ) -> list[Coroutine[object, object, None]]:
     """What runs the bridges of a blueprint beside its master; nothing when it names none."""
     if not blueprint.bridges:
         return []
     hub = InprocHub()
     master.add_link(hub.server)
-    return _runner().coroutines(blueprint.bridges, lambda _: hub.connect(), say)
+    return _runner().coroutines(blueprint.bridges, lambda _: hub.connect(), say, devices)
 
 
 def _runner() -> BridgeRunner:
