@@ -55,26 +55,24 @@ def test_the_example_runs(tmp_path: Path) -> None:
     shutil.copytree(EXAMPLE, folder)
     link = ("--link", f"udp:127.0.0.1:{free_port()}")
     state = {"XDG_STATE_HOME": str(tmp_path / "state")}
-    with mosquitto(tmp_path) as port:
-        file = folder / "robot.toml"
-        text = file.read_text().replace(":1883", f":{port}").replace(":5020", f":{free_port()}")
-        file.write_text(text)
-        with (
-            running("master", "--no-page", *link, cwd=folder, env=state) as master,
-            running("part", "POT-10K", "--set", "knob=60", *link, cwd=folder, env=state) as knob,
-        ):
-            master.wait_for("is up on")
-            knob.wait_for("active: in slot knob")
-            wait_for_states({"knob": "active", "lamp": "active", "pump": "active"}, cwd=folder, env=state)
-            wait_until_kept(port, "msbot-lamp/1/state", '{"state": "ON", "brightness": 153}')
-            assert run("publish", "pump.speed", "1000", "--seconds", "60", cwd=folder, env=state).returncode == 0
-            assert run("stop", cwd=folder, env=state).returncode == 0
-            wait_until_kept(port, "msbot-lamp/1/state", '{"state": "OFF", "brightness": 153}')
-            until = time.monotonic() + PATIENCE_S
-            while (report := json.loads(run("stop", "--json", cwd=folder, env=state).stdout)) and report.get("silent"):
-                assert time.monotonic() < until, report
-            assert json.loads(kept(port, "msbot-lamp/1/state"))["state"] == "OFF"
-            master.end()
+    port, file = free_port(), folder / "robot.toml"
+    file.write_text(file.read_text().replace(":1883", f":{port}").replace(":5020", f":{free_port()}"))
+    with (
+        running("master", "--no-page", *link, cwd=folder, env=state) as master,
+        running("part", "POT-10K", "--set", "knob=60", *link, cwd=folder, env=state) as knob,
+    ):
+        master.wait_for("is up on")
+        knob.wait_for("active: in slot knob")
+        wait_for_states({"knob": "active", "lamp": "active", "pump": "active"}, cwd=folder, env=state)
+        wait_until_kept(port, "msbot-lamp/1/state", '{"state": "ON", "brightness": 153}')
+        assert run("publish", "pump.speed", "1000", "--seconds", "60", cwd=folder, env=state).returncode == 0
+        assert run("stop", cwd=folder, env=state).returncode == 0
+        wait_until_kept(port, "msbot-lamp/1/state", '{"state": "OFF", "brightness": 153}')
+        until = time.monotonic() + PATIENCE_S
+        while (report := json.loads(run("stop", "--json", cwd=folder, env=state).stdout)) and report.get("silent"):
+            assert time.monotonic() < until, report
+        assert json.loads(kept(port, "msbot-lamp/1/state"))["state"] == "OFF"
+        master.end()
 
 
 def test_a_simulated_device_ends_with_the_process_that_began_it_however_that_ends(tmp_path: Path) -> None:

@@ -25,6 +25,7 @@ from msbot_xrce.errors import ConfigError
 from tests.bridges.hosts import in_thread, running
 from tests.e2e.processes import running as running_command
 
+pytest.importorskip("aiomqtt")
 pytest.importorskip("canopen")
 pytest.importorskip("dronecan")
 
@@ -34,6 +35,7 @@ from msbot_bridges.canopen.simulated.io_module import SimulatedIo
 from msbot_bridges.dronecan.simulated_servo import SimulatedServo
 
 DRIVE, IO, SERVO = "vendor-0x4d53:SimDrive", "vendor-0x4d53:SimIO", "org.msbot:simservo"
+LAMP = "simulated:lamp"
 
 
 class Robot:
@@ -59,7 +61,8 @@ def opened(folder: Path) -> tuple[Blueprint, Library, str]:
     write_sample(folder / "robot.toml")
     blueprint, library = open_blueprint(folder / "robot.toml")
     bus = f"msbot:{uuid4().hex[:12]}"
-    bridges = tuple(replace(one, link=bus, simulate=()) for one in blueprint.bridges)
+    on_bus = [one for one in blueprint.bridges if one.link.startswith("msbot:")]
+    bridges = tuple(replace(one, link=bus, simulate=()) if one in on_bus else one for one in blueprint.bridges)
     return replace(blueprint, bridges=bridges), library, bus
 
 
@@ -96,15 +99,18 @@ async def test_a_servo_of_another_world_takes_the_slot_of_a_drive_that_is_pulled
         await robot.until(lambda: robot.has(DRIVE, PartState.ACTIVE, "joint"))
         await robot.until(lambda: robot.has(IO, PartState.ACTIVE, "switches"))
         await robot.until(lambda: robot.has(SERVO, PartState.STANDBY))
+        await robot.until(lambda: robot.has(LAMP, PartState.ACTIVE, "lamp"))
 
         await robot.do("publish", who="ann", port="joint.angle", values=["36"], seconds=60.0)
         await robot.until(lambda: abs(drive.turns - 0.1) < 0.01)
 
+        await robot.do("publish", who="ann", port="lamp.lamp", values=["40"], seconds=60.0)
         drive.is_stuck = True
         drive.rpm = 50
         await robot.do("stop", who="ann", reason="")
-        await robot.until(lambda: len(robot.master.stop.confirmed) == 1)
-        assert [one.part for one in robot.master.stop.confirmed] == [IO]
+        await robot.until(lambda: len(robot.master.stop.confirmed) == 2)
+        assert {one.part for one in robot.master.stop.confirmed} == {IO, LAMP}
+        assert all(one.ms > 0 for one in robot.master.stop.confirmed)
         assert list(robot.master.stop.silent) == [DRIVE], "the drive has not reported that it stands"
         drive.is_stuck = False
         await robot.until(lambda: not robot.master.stop.silent)
@@ -118,17 +124,19 @@ async def test_a_servo_of_another_world_takes_the_slot_of_a_drive_that_is_pulled
         await robot.do("publish", who="ann", port="joint.angle", values=["20"], seconds=60.0)
         await robot.until(lambda: abs(servo.position - 0.349) < 0.01)
         await robot.do("stop", who="ann", reason="")
-        await robot.until(lambda: len(robot.master.stop.confirmed) == 2)
+        await robot.until(lambda: len(robot.master.stop.confirmed) == 3)
         assert abs(servo.position) < 0.06
         why = robot.master.why(DRIVE)
         assert any("has sent no heartbeat" in line for line in why), why
 
 
-@pytest.mark.parametrize(("world", "device"), [("canopen", "drive"), ("canopen", "io"), ("dronecan", "servo")])
+@pytest.mark.parametrize(
+    ("world", "device"), [("canopen", "drive"), ("canopen", "io"), ("dronecan", "servo"), ("mqtt", "lamp")]
+)
 async def test_the_library_of_the_sample_is_what_the_devices_say(world: str, device: str) -> None:
-    address = BridgeLink(f"msbot:{uuid4().hex[:12]}")
     kind = worlds()[world]
-    async with running(kind.open(address)) as host:
+    own = BridgeLink("broker:0" if world == "mqtt" else f"msbot:{uuid4().hex[:12]}")
+    async with kind.reached(own) as address, running(kind.open(address)) as host:
         simulating = asyncio.create_task(kind.simulated[device](address, {}).run())
         found = BridgedPart(await host.devices.get())
         text = describe(found.part.part_number, found.device.identity.description, found.part.program)
@@ -162,8 +170,10 @@ def test_two_bridges_of_one_world_on_one_bus_are_refused() -> None:
         RUNNER.check([table, table])
 
 
-def test_the_demo_shows_the_parts_that_bridges_bring(tmp_path: Path) -> None:
+def test_the_demo_shows_the_parts_that_bridges_bring_and_pulls_them(tmp_path: Path) -> None:
     state = {"XDG_STATE_HOME": str(tmp_path / "state")}
-    with running_command("demo", "--robot", "makers", "--port", "0", cwd=tmp_path, env=state) as demo:
-        demo.wait_for("joint active", "switches active", "button active")
+    script = ("--script", "0:unplug lamp;0:plug lamp")
+    with running_command("demo", "--robot", "makers", "--port", "0", *script, cwd=tmp_path, env=state) as demo:
+        demo.wait_for("lamp", "active -> left", "no longer available")
+        demo.wait_for("joint active", "switches active", "button active", "lamp active")
         demo.end()

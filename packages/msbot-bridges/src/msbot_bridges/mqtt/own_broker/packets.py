@@ -66,10 +66,15 @@ class Connect:
 
 
 class PacketSplitter:
-    """Cuts the octets of a connection into packets."""
+    """Cuts the octets of a connection into packets.
 
-    def __init__(self) -> None:
+    Args:
+        first: the type that the first packet must have; None: any.
+    """
+
+    def __init__(self, first: PacketType | None = None) -> None:
         self._rest = bytearray()
+        self._first = first
 
     def receive(self, octets: bytes) -> list[Packet]:
         """The packets that are complete.
@@ -78,6 +83,10 @@ class PacketSplitter:
             RemoteProtocolError: what came is no MQTT, or a packet is too long.
         """
         self._rest += octets
+        if self._first is not None and self._rest:
+            if self._rest[0] >> 4 != self._first:
+                raise RemoteProtocolError(f"something else before {self._first.name}")
+            self._first = None
         found = []
         while (packet := self._next()) is not None:
             found.append(packet)

@@ -12,7 +12,7 @@ from contextlib import asynccontextmanager
 from typing import cast
 
 from msbot_bridges.mqtt.own_broker.broker_core import BrokerCore, Client
-from msbot_bridges.mqtt.own_broker.packets import PacketSplitter
+from msbot_bridges.mqtt.own_broker.packets import PacketSplitter, PacketType
 from msbot_xrce.errors import LinkDown, RemoteProtocolError
 
 HOST = "127.0.0.1"
@@ -27,7 +27,7 @@ class _Connection(asyncio.Protocol):
 
     def __init__(self, server: OwnBroker) -> None:
         self._server = server
-        self._splitter = PacketSplitter()
+        self._splitter = PacketSplitter(PacketType.CONNECT)
         self._is_known = False
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
