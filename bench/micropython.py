@@ -52,6 +52,9 @@ PIECES = {
     "`ws:`": "websocket",
     "sealed samples": "seal",
     "descriptions": "description",
+    "lists and nested messages": "lists leaves kind_words",
+    "`part.log`": "log_lines",
+    "ranges": "range_watch",
     "pins (`SimGpio`)": "gpio",
     "generic board": "generic model trunk driver driver_adc driver_i2c driver_in driver_out",
 }

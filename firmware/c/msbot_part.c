@@ -474,6 +474,28 @@ static void configuration_received(msbot_part *part, const uint8_t *payload, siz
     }
 }
 
+bool msbot_part_next_setting(const msbot_part *part, size_t *at, const char **name, const char **value)
+{
+    reader from = {part->configuration, part->configuration_size, *at, false};
+    if (*at == 0) {
+        (void)take_u32(&from);
+        (void)take_string(&from);
+        for (uint32_t left = take_u32(&from); left > 0 && !from.broken; left--) {
+            (void)take_binding(&from);
+        }
+        (void)take_u32(&from);
+    }
+    *name = take_string(&from);
+    *value = take_string(&from);
+    *at = from.at;
+    return !from.broken;
+}
+
+bool msbot_part_tell(msbot_part *part, const uint8_t *told, size_t size)
+{
+    return msbot_xrce_write(&part->client, INVENTORY, MSBOT_RELIABLE, told, size);
+}
+
 /* The port of the configuration's binding with that number, or -1. */
 static int port_at(const msbot_part *part, uint32_t number)
 {
@@ -878,6 +900,9 @@ static void book(msbot_part *part)
     for (unsigned port = 0; booked && port < part->config.port_count; port++) {
         booked = book_port(part, port);
     }
+    if (booked && part->book_log != NULL) {
+        (void)part->book_log(part->log);
+    }
 }
 
 /* Frames and time. */
@@ -1085,7 +1110,11 @@ bool msbot_part_publish(msbot_part *part, unsigned port, const uint8_t *message,
         return false;
     }
     uint8_t stream = part->ports[port].reliable ? MSBOT_RELIABLE : MSBOT_BEST_EFFORT;
-    return msbot_xrce_write(&part->client, endpoint_id(part, port), stream, message, size);
+    bool sent = msbot_xrce_write(&part->client, endpoint_id(part, port), stream, message, size);
+    if (part->look != NULL) {
+        part->look(part->ranges, port, message, size);
+    }
+    return sent;
 }
 
 bool msbot_part_serve(msbot_part *part, unsigned port, msbot_serve serve, void *context)

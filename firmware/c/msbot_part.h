@@ -81,7 +81,8 @@ typedef struct {
     void *context; /* passed to the functions */
     /* A message has come in at a port. */
     void (*received)(void *context, unsigned port, const uint8_t *message, size_t size);
-    /* A setting has a value, or another one. `PORT.safe.FIELD` is a field of a port's safe value. */
+    /* A setting has a value, or another one. `PORT.safe.FIELD` is a field of a port's safe value, `PORT.range.FIELD` has
+     * the least and the greatest value of one (msbot_ranges.h). */
     void (*setting)(void *context, const char *name, const char *value);
     /* A port, or every port, is no longer controlled: go to the safe value now. Called at power-up, too. */
     void (*safe)(void *context, int port);
@@ -141,6 +142,10 @@ typedef struct {
     uint32_t stop_told;   /* its number; 0 = none, or it was only said on the bus or here */
     uint32_t stop_heard, stop_over, stop_ends_with;
     uint32_t robot_seen, robot_known; /* hashes of profiles: of the last one, and of the robot last joined */
+    bool (*book_log)(void *log); /* of msbot_log.h, if the program has a log: sends what waits, as far as there is room */
+    void *log;
+    void (*look)(void *ranges, unsigned port, const uint8_t *message, size_t size); /* of msbot_ranges.h, likewise */
+    void *ranges;
     uint32_t beats, missed_beats;
     uint16_t dropped; /* messages that could not be used, and replies for which there was no room */
 } msbot_part;
@@ -172,6 +177,10 @@ void msbot_part_say_stop(msbot_part *part, uint8_t reason); /* to every node on 
  * as often as you like. */
 void msbot_part_hold_stop(msbot_part *part, bool pressed, uint32_t now_us);
 
+/* What the configuration sets, one after the other; `at` begins with 0. False: there is no more. */
+bool msbot_part_next_setting(const msbot_part *part, size_t *at, const char **name, const char **value);
+/* Tells the inventory something, reliably; false when there is no room: msbot_log.c calls it. */
+bool msbot_part_tell(msbot_part *part, const uint8_t *told, size_t size);
 /* The answer to a challenge; the tests call it. */
 void msbot_part_prove(const msbot_part_config *config, const uint8_t nonce[16], uint32_t session_key, uint8_t proof[16]);
 

@@ -47,6 +47,20 @@ MODULES: dict[str, tuple[tuple[str, ...], str]] = {
         ),
         "msbot_part",
     ),
+    "a whole part, with log and ranges": (
+        (
+            "msbot_can",
+            "msbot_compact",
+            "msbot_deflate",
+            "msbot_xrce",
+            "msbot_sha256",
+            "msbot_part",
+            "msbot_controller",
+            "msbot_log",
+            "msbot_ranges",
+        ),
+        "struct { msbot_part part; msbot_log log; msbot_ranges ranges; }",
+    ),
 }
 """What to measure: the modules, and the structure that holds all their state."""
 LIMITED = ("link and joining", "link and joining, with header compression")

@@ -5,7 +5,7 @@ from .errors import ConfigError, LocalProtocolError
 from .message import type_name_of
 from .objects import PARTICIPANT, PUBLISHER, SUBSCRIBER, endpoint_blob, service_blob, topic_blob
 from .part import Timed, read_setting, stream_of
-from .running import forget, once
+from .running import forget, load, once
 
 forget("objects")
 
@@ -26,22 +26,30 @@ def configure(part, slot, bindings, settings, now):
     """See `Part.configure`."""
     part.slot = slot
     safe = {}
+    ranges = []
+    stop = None
     part.settings = {}
     for name, text in settings:
         port, mark, field = name.partition(".safe.")
         if mark:
             safe.setdefault(port, {})[field] = text
-        elif name != ".stop" and ".range." not in name:
+        elif ".range." in name:
+            ranges.append((name, text))
+        elif name == ".stop":
+            stop = text
+        else:
             part.settings[name] = text
+    if ranges or part.has_ranges:
+        part.has_ranges = True
+        load("range_watch").watch(part, ranges)
     part._safe = {}
     for port, fields in safe.items():
         if port in part._listeners:
             _make_safe(part, port, fields)
-    number = dict(settings).get(".stop")
-    if number is None:
+    if stop is None:
         part.no_stop_holds()
-    elif number.isdigit():
-        part.stop_said("it holds in the robot that the part has joined", now, int(number))
+    elif stop.isdigit():
+        part.stop_said("it holds in the robot that the part has joined", now, int(stop))
     bind(part, bindings)
     for port, (message_class, _, optional) in part._listeners.items():
         bound = part._ports.get(port)

@@ -68,7 +68,8 @@ class Part:
         self.declared = []  # what it says of itself: ("publish", port, class, None), ("setting", name, kind, ...), ...
         self.slot = ""
         self.settings = {}
-        self.stopped = False
+        self.stopped = self.has_ranges = False  # ranges: of what it publishes
+        self.out_of_range = 0
         self.counters = Counters()
         self.clock = None  # ms; set by the runner of the part, to find functions that are slow
         if board is not None:

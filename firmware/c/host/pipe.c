@@ -7,7 +7,9 @@
  */
 #include "msbot_can.h"
 #include "msbot_compact.h"
+#include "msbot_log.h"
 #include "msbot_part.h"
+#include "msbot_ranges.h"
 #include "msbot_sha256.h"
 
 #include <stdio.h>
@@ -193,6 +195,9 @@ static void answer_link(uint8_t letter)
 /* A part. Its events are recorded and returned with the next "I". */
 
 static msbot_part part;
+static msbot_log log_;
+static msbot_ranges ranges;
+static char fields[MSBOT_PART_PORTS][100];
 static uint8_t story[60000];
 static size_t told;
 static char texts[1000];
@@ -319,6 +324,10 @@ static void make_part(void)
     config.identify = identify;
     told = 0;
     put(msbot_part_init(&part, &config), 1);
+    if (part.config.port_count > 0) {
+        msbot_log_begin(&log_, &part);
+        msbot_ranges_begin(&ranges, &part, &log_);
+    }
     for (unsigned i = 0; i < part.config.port_count && with_functions; i++) {
         (void)msbot_part_serve(&part, i, serve, (void *)(uintptr_t)&numbers[i]);
     }
@@ -371,6 +380,16 @@ static void answer_part(uint8_t letter)
     } else if (letter == 'U') { /* port, message: whether it is taken */
         unsigned port = get(1);
         put(msbot_part_publish(&part, port, request + at, end - at), 1);
+    } else if (letter == 'G') { /* level, time, text: whether it is taken for the log */
+        msbot_log_level level = (msbot_log_level)get(1);
+        uint32_t now = get(4);
+        put(msbot_log_line(&log_, level, (const char *)request + at, now), 1);
+    } else if (letter == 'a') { /* port, fields: whether the ranges of the port are watched from now on */
+        unsigned port = get(1);
+        char *kept = fields[port % MSBOT_PART_PORTS];
+        snprintf(kept, sizeof fields[0], "%s", (const char *)request + at);
+        put(msbot_ranges_watch(&ranges, port, kept), 1);
+        put(ranges.out_of_range, 4);
     } else if (letter == 'E') { /* whether the program has functions that serve: before the part is made */
         with_functions = get(1) != 0;
     } else if (letter == 'L') { /* port, number of the call, timeout, time, request: why it is not sent */

@@ -96,6 +96,19 @@ class CPart:
         """Send a message out of a port."""
         return self._ask(b"U" + bytes((port,)) + message)[0] == b"\1"
 
+    def log(self, text: bytes, level: int = 1) -> bool:
+        """Write a line into the robot's log; whether it is taken."""
+        return self._ask(b"G" + bytes((level,)) + self._stamp() + text + b"\0")[0] == b"\1"
+
+    def watch(self, port: int, fields: str) -> bool:
+        """Look at the ranges of what it publishes at a port; whether port and fields are such."""
+        return self._ask(b"a" + bytes((port,)) + _text(fields))[0][:1] == b"\1"
+
+    @property
+    def out_of_range(self) -> int:
+        """Messages with a value outside of its range."""
+        return int.from_bytes(self._ask(b"a\xff\0")[0][1:], "little")
+
     def call(self, port: int, number: int, request: bytes, timeout_s: float = 1.0) -> str:
         """Send a request out of a port; returns why it is not sent."""
         head = struct.pack("<BBI", port, number, round(timeout_s * 1e6))

@@ -42,6 +42,7 @@ class Robot:
         blueprint: Blueprint,
         registry: Registry,
         record: RobotRecord,
+        library: Library,
         *,
         bitrate: int,
         fd: bool,
@@ -50,6 +51,7 @@ class Robot:
     ) -> None:
         self.registry = registry
         self.record = record
+        self.library = library
         self.random = Random(seed)
         self.nodes: dict[str, int] = {}
         """Controllers by name."""
@@ -65,7 +67,7 @@ class Robot:
 
     def _new_master(self, name: str) -> tuple[Master, CanMasterLink]:
         store = self.registry.runs.begin(self.record)
-        master = Master(self.blueprint, store, random=self.random, epoch_ns=lambda: 0)
+        master = Master(self.blueprint, store, library=self.library, random=self.random, epoch_ns=lambda: 0)
         link = CanMasterLink(
             self.attach(name),
             profile_hash=master.profile.profile_hash(),
@@ -169,7 +171,7 @@ def play(
     async def main() -> None:
         with open_registry(folder / "robot.db") as registry:
             record = registry.robots.apply_blueprint(blueprint, library)
-            robot = Robot(blueprint, registry, record, bitrate=bitrate, fd=fd, codec=codec, seed=seed)
+            robot = Robot(blueprint, registry, record, library, bitrate=bitrate, fd=fd, codec=codec, seed=seed)
             await robot.start()
             try:
                 await scene(robot)

@@ -435,6 +435,12 @@ async def logs(world: World) -> None:
     await asyncio.sleep(6.0)
 
 
+async def ranges(world: World) -> None:
+    world.master.inventory.log.on_line(lambda line: world.note(f"the robot's log, {line.level.word}: {line.words}"))
+    await begin(world, hears(world, "out", Number))
+    await asyncio.sleep(1.0)
+
+
 async def waits(world: World) -> None:
     partner = await begin(world, hears(world, "out", Count))
     for index in (1, 2):  # the second comes while the function waits
@@ -614,6 +620,14 @@ SCENES = {name: Scene(robot, example) for name, robot in EXAMPLES.items()} | {
     "no_key": Scene(KEYED, refused),
     "partner_lost": Scene(SAFE, partner_lost),
     "publish": Scene(wired("out out HelloWorld"), publish),
+    "ranges": Scene(
+        wired(
+            "out out Number",
+            "scan out Scan",
+            settings=(("out.range.value", "0 10"), ("scan.range.metres", "0 4"), ("out.range.x", "0 to 1")),
+        ),
+        ranges,
+    ),
     "refusals": Scene(wired("out out HelloWorld", settings=(("name", "Ada"),)), refusals),
     "safe_values": Scene(SAFE, safe_values),
     "sealed": Scene(SEALED, sealed),
