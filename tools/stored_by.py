@@ -3,7 +3,7 @@
     .venv/bin/python tools/stored_by.py         into packages/msbot/tests/upgrades/stored/VERSION
 
 A robot of the demo runs for some seconds, a person changes it through the API, and its master ends. What it has written
-is kept: database, blueprint, recording, UID and key of a part, the file of a board, and what the API has answered. A
+is kept: database, blueprint, recording, UID and key of a part, the files of a board, and what the API has answered. A
 folder that is there already is left alone: it is what that version has stored.
 """
 
@@ -24,6 +24,8 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
+from msbot.config import board_documents, load_library
+from msbot.config.library.board_wiring import wired_parts
 from tools.sources import ROOT
 from tools.version import read
 
@@ -34,6 +36,15 @@ PATHS = (
     "why/fan",
 )  # fmt: skip
 """What is asked of the API."""
+WIRED = {"part_1": "LED lamp: s=2", "part_2": "RELAY-1 relay: s=12, active_low=true"}
+"""What is wired to the board, which keeps it in `parts.json`."""
+KEEP = """
+import json, sys, types
+sys.modules["micropython"] = types.SimpleNamespace(const=int)
+sys.path.insert(0, sys.argv[1])
+from msbot.generic import keep
+keep(json.load(sys.stdin))
+"""
 PATIENCE_S = 120.0
 Ask = Callable[[str], Any]
 
@@ -69,9 +80,17 @@ def main() -> int:
         board = {"link": "can:1?bitrate=500000", "uid": uid.read_text().strip(), "key": key.read_text().strip()}
         (kept / "board").mkdir()
         (kept / "board/msbot.json").write_text(json.dumps(board) + "\n")
+        _keep_wiring(kept / "board")
         shutil.copytree(kept, into)
     sys.stdout.write(f"{into.relative_to(ROOT)}\n")
     return 0
+
+
+def _keep_wiring(folder: Path) -> None:
+    """Write what a board keeps of its parts, with the board's own code."""
+    documents = board_documents(wired_parts(WIRED, load_library()))
+    command = [sys.executable, "-c", KEEP, str(ROOT / "micropython")]
+    subprocess.run(command, cwd=folder, input=json.dumps([*documents.values()]), text=True, check=True)
 
 
 class RunningDemo:

@@ -20,6 +20,7 @@ from tests.homes import micro
 from tests.homes.board_world import FAKES, HOSTS, BoardHome, BoardWorld
 from tests.homes.runners import NODE, DoubleEngine, NodeEngine, as_micropython
 from tests.homes.world import PARTNER_UID, SLOT, UID, run_virtual, uid_on_board
+from tools.stored_by import STORED, WIRED
 
 NEEDED = "MSBOT_NEED_NODE"
 BMP280 = [
@@ -53,6 +54,12 @@ ALL = (
     "RELAY-1 relay: s=12, active_low=true",
 )
 FULL = 65535
+STORED_FILES = sorted(STORED.glob("*/board/parts.json"))
+"""What each version of MsBOT on a board has kept of its parts."""
+
+
+def test_each_version_has_kept_a_file() -> None:
+    assert len(STORED_FILES) == len([*STORED.iterdir()])
 
 
 def fake_machine() -> ModuleType:
@@ -269,6 +276,22 @@ def test_a_board_remembers_through_a_power_cut_and_is_safe_before_it_joins(make:
         await world.until(mine="active", lamp="active", relay="active")
 
     play(again, wake, wired)
+
+
+@on("double-serial", "vm-serial")
+@pytest.mark.parametrize("stored", STORED_FILES, ids=lambda path: path.parts[-3])
+def test_a_board_takes_up_what_an_earlier_version_kept(make: Callable[..., BoardHome], stored: Path) -> None:
+    async def wake(world: BoardWorld) -> None:
+        await world.kill_master()
+        world.plug()
+        assert world.board.machine("look", 12) == ["out", 1]  # the relay of tools/stored_by.py: off when high
+        assert world.board.machine("look", 2) == ["out", 0]
+        world.new_board_master()
+        world.start_master()
+        await world.until(mine="active", lamp="active", relay="active")
+        assert not any("damaged" in line for line in world.log), world.log
+
+    play(make({"parts.json": stored.read_text("utf-8")}), wake, tuple(WIRED.values()))
 
 
 @on("double-serial", "vm-serial")
