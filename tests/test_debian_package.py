@@ -5,7 +5,10 @@ The clean system is a root made by mmdebstrap, kept between runs; it takes root,
 
 from __future__ import annotations
 
+import base64
 import contextlib
+import hashlib
+import json
 import os
 import re
 import shutil
@@ -17,7 +20,7 @@ from pathlib import Path
 
 import pytest
 
-from tools import debian_package
+from tools import debian_package, version
 from tools.debian_package import CONFIGURED, FILES, unit
 from tools.sources import ROOT
 
@@ -88,6 +91,18 @@ def test_what_a_person_may_change_is_kept_by_dpkg() -> None:
         assert (FILES / name).read_text().startswith("# ")
 
 
+def test_the_list_of_installed_files_knows_programs_as_they_are_in_the_package(tmp_path: Path) -> None:
+    site = tmp_path / "lib/python3.11/site-packages"
+    program = tmp_path / "bin/msbot"
+    site.mkdir(parents=True)
+    program.parent.mkdir()
+    program.write_bytes(b"#!/usr/lib/msbot/bin/python3\n")
+    kept = "msbot/__init__.py,sha256=abc,12\n"
+    record = f"../../../bin/msbot,sha256=of_another_file,99\n{kept}msbot.dist-info/uv_cache.json,sha256=abc,5\n"
+    digest = base64.urlsafe_b64encode(hashlib.sha256(program.read_bytes()).digest()).decode().rstrip("=")
+    assert list(debian_package.recorded(record, site)) == [f"../../../bin/msbot,sha256={digest},29\n", kept]
+
+
 # What it does in a clean system.
 
 
@@ -124,7 +139,13 @@ def root(archive: Path, tmp_path: Path) -> Iterator[Path]:
 
 
 @pytest.fixture(scope="module")
-def packages(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+def commit() -> str:
+    """What the package is made of; empty: files that are not committed."""
+    return debian_package.source()[0]
+
+
+@pytest.fixture(scope="module")
+def packages(tmp_path_factory: pytest.TempPathFactory, commit: str) -> list[Path]:
     """The package, and the same as a later version."""
     first = debian_package.build(tmp_path_factory.mktemp("made"), "0.0.1")
     folder = tmp_path_factory.mktemp("later")
@@ -167,13 +188,16 @@ def files(root: Path) -> set[str]:
 @pytest.mark.promise(
     "The Debian package is installed, upgraded, removed and purged without a trace that it does not name"
 )
-def test_install_upgrade_remove_purge(root: Path, packages: list[Path]) -> None:
+def test_install_upgrade_remove_purge(root: Path, packages: list[Path], commit: str) -> None:
     before = files(root)
     for number, package in enumerate(packages):
         shutil.copy(package, root / f"{number}.deb")
 
     inside(root, "dpkg", "--force-unsafe-io", "--install", "/0.deb")
-    assert inside(root, "msbot", "--version").startswith("msbot ")
+    said = inside(root, "msbot", "--version").strip()
+    assert said == f"msbot {version.read()} ({f'build {commit[:12]}' if commit else 'from a working tree'})"
+    bill = json.loads((root / f"usr/share/doc/msbot/msbot-{version.read()}.cdx.json").read_text())
+    assert {"msbot-agent", "nicegui"} <= {one["name"] for one in bill["components"]}
     assert inside(root, "id", "-un", "msbot") == "msbot\n"
     assert "dialout" in inside(root, "id", "-Gn", "msbot")
     assert "msbot" in inside(

@@ -9,7 +9,9 @@ from requirements/computer.txt, with hashes; MsBOT itself from this tree. Needs 
 from __future__ import annotations
 
 import argparse
+import base64
 import gzip
+import hashlib
 import os
 import platform
 import re
@@ -17,12 +19,16 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import time
+from collections.abc import Iterator
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from msbot.cli.service import CONFINED
-from tools.release.building import DISTRIBUTIONS
+from tools.release import sbom
+from tools.release.building import ReleaseError, export, git
+from tools.release.building import build as build_distributions
 from tools.sources import ROOT
 from tools.version import read
 
@@ -37,6 +43,8 @@ COMPLETIONS = {
     "zsh": "usr/share/zsh/vendor-completions/_msbot",
     "fish": "usr/share/fish/vendor_completions.d/msbot.fish",
 }
+OF_THIS_COMPUTER = ("direct_url.json", "uv_cache.json")
+"""What an installer notes beside a package: a folder and a time of the computer that makes the package."""
 NEEDED = "systemd, udev, iproute2"
 DESCRIPTION = """\
 plug-and-play robots for the classroom
@@ -60,6 +68,11 @@ def release() -> str:
     return told.get("VERSION_CODENAME", "") if told.get("ID") == "debian" else ""
 
 
+def ordered(version: str) -> str:
+    """A version as Debian orders it: 1.0~rc1 is before 1.0."""
+    return re.sub(r"(?<=\d)(?=rc|a\d|b\d)", "~", version)
+
+
 def unit(name: str) -> str:
     """A unit file, with what it is confined to."""
     return (FILES / name).read_text("utf-8").replace("@CONFINED@\n", CONFINED)
@@ -76,46 +89,80 @@ def build(into: Path, version: str) -> Path:
     with tempfile.TemporaryDirectory() as scratch:
         root = Path(scratch, "root")
         root.mkdir(mode=0o755)
-        _environment(root, Path(scratch))
+        commit, epoch = source()
+        wheels = _wheels(Path(scratch), commit, epoch)
+        _environment(root, wheels)
         _system_files(root)
         _texts(root, version)
+        bill = sbom.bill(read(), commit or "changed files", epoch, wheels)
+        _write(root / f"usr/share/doc/msbot/msbot-{read()}.cdx.json", bill)
         architecture = _said("dpkg", "--print-architecture")
         _control(root, version, architecture)
         into.mkdir(parents=True, exist_ok=True)
         package = into / f"msbot_{version}_{architecture}.deb"
         # dpkg of Debian 12 and newer reads zstd, which takes seconds where xz takes minutes.
-        _run("dpkg-deb", "--root-owner-group", "-Zzstd", "-z9", "--build", root, package)
+        # It takes times from the commit, so that two builds of one commit are the same octet by octet.
+        command = ["dpkg-deb", "--root-owner-group", "-Zzstd", "-z9", "--build", root, package]
+        _run("env", f"SOURCE_DATE_EPOCH={epoch}", *command)
     return package
 
 
-def _environment(root: Path, scratch: Path) -> None:
+def source() -> tuple[str, int]:
+    """The commit that the package is made of, and its time; no commit: files are changed, or this is no repository."""
+    try:
+        if not git("status", "--porcelain"):
+            return git("rev-parse", "HEAD"), int(git("log", "-1", "--format=%ct"))
+    except (OSError, subprocess.CalledProcessError):
+        pass  # the files without their history
+    return "", int(os.environ.get("SOURCE_DATE_EPOCH") or time.time())
+
+
+def _wheels(scratch: Path, commit: str, epoch: int) -> list[Path]:
+    """The wheels of MsBOT: of the commit, which `msbot --version` then names; without one, of the files as they are."""
+    tree = ROOT
+    if commit:
+        tree = scratch / "tree"
+        export(commit, tree)
+    return [path for path in build_distributions(tree, scratch / "made", epoch) if path.suffix == ".whl"]
+
+
+def _environment(root: Path, wheels: list[Path]) -> None:
     """The environment: made where it is built, pointing to where it will be."""
     home = root / HOME
     _run(PYTHON, "-m", "venv", "--without-pip", home)
-    wheels = scratch / "wheels"
-    for name in DISTRIBUTIONS:
-        _run(sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", wheels, cwd=ROOT / "packages" / name)
     install = [Path(sys.executable).parent / "uv", "pip", "install", "--python", home / "bin/python3", "--no-deps"]
     install += ["--link-mode", "copy", "--quiet"]
     _run(*install, "--only-binary", ":all:", "--require-hashes", "-r", ROOT / "requirements" / "computer.txt")
-    _run(*install, "--no-index", *sorted(wheels.iterdir()))
+    _run(*install, "--no-index", *wheels)
     (site,) = home.glob("lib/python*/site-packages")
-    for told in site.glob("*.dist-info/direct_url.json"):  # it names a folder of this computer
-        told.unlink()
-        record = told.with_name("RECORD")
-        lines = record.read_text("utf-8").splitlines(keepends=True)
-        record.write_text("".join(line for line in lines if "direct_url.json" not in line), "utf-8")
+    for name in OF_THIS_COMPUTER:
+        for told in site.glob(f"*.dist-info/{name}"):
+            told.unlink()
     for path in (*home.glob("bin/*"), home / "pyvenv.cfg"):
         if path.is_file() and not path.is_symlink():
             content = path.read_bytes()
             path.write_bytes(content.replace(os.fsencode(home), b"/" + os.fsencode(HOME)))
     for script in home.glob("bin/*ctivate*"):  # nobody works in this environment
         script.unlink()
+    for record in site.glob("*.dist-info/RECORD"):
+        record.write_text("".join(recorded(record.read_text("utf-8"), site)), "utf-8")
     # Nobody may write there later, so the compiled files are part of the package, and are not compared with times.
     compiled = ["-m", "compileall", "-q", "-s", root, "-p", "/", "--invalidation-mode", "unchecked-hash"]
     _run(PYTHON, *compiled, home)
     (root / "usr/bin").mkdir(parents=True)
     (root / "usr/bin/msbot").symlink_to("../lib/msbot/bin/msbot")
+
+
+def recorded(record: str, site: Path) -> Iterator[str]:
+    """The lines of a RECORD, with the programs as they are in the package, and without files that it does not have."""
+    for line in record.splitlines(keepends=True):
+        path = site / line.rpartition(",")[0].rpartition(",")[0].strip('"')
+        if line.startswith("../../../bin/"):
+            content = path.read_bytes()
+            digest = base64.urlsafe_b64encode(hashlib.sha256(content).digest()).decode().rstrip("=")
+            yield f"{line.partition(',')[0]},sha256={digest},{len(content)}\n"
+        elif path.name not in OF_THIS_COMPUTER:
+            yield line
 
 
 def _system_files(root: Path) -> None:
@@ -198,10 +245,10 @@ def main() -> int:
     parser.add_argument("into", type=Path)
     parser.add_argument("--version", help="the package's version; that of MsBOT unless given")
     asked = parser.parse_args()
-    version = asked.version or re.sub(r"(?<=\d)(?=rc|a\d|b\d)", "~", read())  # Debian: 1.0~rc1 is before 1.0
+    version = asked.version or ordered(read())
     try:
         package = build(asked.into, version)
-    except CannotBuild as error:
+    except (CannotBuild, ReleaseError) as error:
         sys.stderr.write(f"deb: {error}\n")
         return 1
     sys.stdout.write(f"{package}  {package.stat().st_size / 1e6:.0f} MB\n")

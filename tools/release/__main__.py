@@ -4,7 +4,7 @@
 
 1. the version is the same everywhere, the changelog has its section, and a tag of that name, if any, is this commit;
 2. sdists and wheels, built twice in two folders and from the sdists, are the same octet by octet;
-3. the bill of materials, the site of the docs without a warning, SHA256SUMS;
+3. on Debian the package for it, also twice; the bill of materials, the site of the docs without a warning, SHA256SUMS;
 4. each Python found here installs it from these files alone, and opens a robot's page.
 
 It tags nothing and uploads nothing: CONTRIBUTING.md has the list of what a person does.
@@ -21,6 +21,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
+from tools import debian_package
 from tools.release import building, sbom, trial
 from tools.release.building import ReleaseError, git
 from tools.sources import ROOT
@@ -49,7 +50,12 @@ def check_commit(version: str) -> str:
 
 
 def make(into: Path, version: str, commit: str, *, with_site: bool) -> None:
-    """Build all files of the release into the folder."""
+    """Build all files of the release into the folder.
+
+    Raises:
+        ReleaseError: two builds differ, or one fails.
+        CannotBuild: there is no package for this Debian.
+    """
     epoch = int(git("log", "-1", "--format=%ct", commit))
     shutil.rmtree(into, ignore_errors=True)
     into.mkdir(parents=True)
@@ -71,6 +77,12 @@ def make(into: Path, version: str, commit: str, *, with_site: bool) -> None:
         say("wheels that are built from the sdists are the same, too")
         for path in built[0]:
             shutil.copy(path, into)
+    if codename := debian_package.release():
+        with tempfile.TemporaryDirectory() as one, tempfile.TemporaryDirectory() as other:
+            packages = [debian_package.build(Path(each), debian_package.ordered(version)) for each in (one, other)]
+            building.check_same(packages[:1], packages[1:])
+            shutil.copy(packages[0], into)
+        say(f"two builds of the package for Debian {codename} are the same")
     (into / f"msbot-{version}.cdx.json").write_text(sbom.bill(version, commit, epoch, wheels_in(into)), "utf-8")
     (into / f"msbot-{version}-changes.md").write_text(
         section(version, (ROOT / "CHANGELOG.md").read_text("utf-8")), "utf-8"
@@ -124,7 +136,7 @@ def main() -> int:
         make(asked.into, version, commit, with_site=not asked.no_site)
         if not asked.no_trial:
             try_all(asked.into, version, commit, asked.only)
-    except (ReleaseError, VersionError) as error:
+    except (ReleaseError, VersionError, debian_package.CannotBuild) as error:
         sys.stderr.write(f"release: {error}\n")
         return 1
     say(f"version {version} of {commit[:12]} is in {asked.into}")
