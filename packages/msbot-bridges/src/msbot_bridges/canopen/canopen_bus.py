@@ -23,6 +23,7 @@ from msbot_bridges.bridge import WorldThread
 from msbot_bridges.canbus import FrameSender, open_bus
 from msbot_bridges.canopen.canopen_device import OPERATIONAL, OWN_ID, CanopenDevice
 from msbot_bridges.canopen.eds_folder import EdsFolder
+from msbot_bridges.canopen.lss import ANSWER_ID, REQUEST_ID
 from msbot_bridges.canopen.node_description import NodeDescription, ask_node
 from msbot_bridges.canopen.objects import Entry
 from msbot_bridges.canopen.pdo_layout import PdoLayout
@@ -36,6 +37,11 @@ _NMT: Final = 0x000
 _SDO_ANSWER, SDO_REQUEST, HEARTBEAT, EMERGENCY = 0x580, 0x600, 0x700, 0x080
 _REPORTS: Final = frozenset({EMERGENCY, 0x180, 0x280, 0x380, 0x480, _SDO_ANSWER, HEARTBEAT})
 """What nodes send with the node's id in the identifier."""
+SYNC_ID: Final = 0x080
+SYNC_S: Final = 0.1
+"""Period of SYNC, while a device in the robot has PDOs that need it and nobody else sends it."""
+OTHER_SYNC_S: Final = 2.0
+"""Somebody who has sent no SYNC for so long sends none."""
 _WHO_ARE_YOU: Final = b"\x40\x00\x10\x00\0\0\0\0"
 logging.getLogger("canopen").setLevel(logging.CRITICAL)  # the bridge says what is wrong itself
 _log = logging.getLogger("msbot.part")
@@ -47,14 +53,17 @@ class BridgeNetwork(canopen.Network):  # type: ignore[misc]  # the library has n
     Args:
         bus: it is closed with this.
         heard: called in the notifier's thread, with the identifier and data of each frame of a node.
+        asked: called there with the identifier of each remote frame.
     """
 
     NOTIFIER_CYCLE = 0.1
 
-    def __init__(self, bus: can.BusABC, heard: Callable[[int, bytes], None]) -> None:
+    def __init__(
+        self, bus: can.BusABC, heard: Callable[[int, bytes], None], asked: Callable[[int], None] = lambda _: None
+    ) -> None:
         super().__init__(bus)
         self.sender = FrameSender(bus)
-        self.listeners = [_Listener(self, heard)]
+        self.listeners = [_Listener(self, heard, asked)]
 
     def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
         """See the library."""
@@ -71,9 +80,11 @@ class BridgeNetwork(canopen.Network):  # type: ignore[misc]  # the library has n
 
 
 class _Listener(MessageListener):  # type: ignore[misc]
-    def __init__(self, network: BridgeNetwork, heard: Callable[[int, bytes], None]) -> None:
+    def __init__(
+        self, network: BridgeNetwork, heard: Callable[[int, bytes], None], asked: Callable[[int], None]
+    ) -> None:
         super().__init__(network)
-        self._heard = heard
+        self._heard, self._asked = heard, asked
 
     def on_error(self, exc: Exception) -> None:
         """The bus cannot be read: `check` raises it."""
@@ -82,7 +93,11 @@ class _Listener(MessageListener):  # type: ignore[misc]
         if msg.is_extended_id:
             return  # 29 bits: DroneCAN, Cyphal, MsBOT's own
         super().on_message_received(msg)
-        if not (msg.is_error_frame or msg.is_remote_frame):
+        if msg.is_error_frame:
+            return
+        if msg.is_remote_frame:
+            self._asked(msg.arbitration_id)
+        else:
             self._heard(msg.arbitration_id, bytes(msg.data))
 
 
@@ -99,6 +114,9 @@ class CanopenBus:
         self._address, self._folder, self._heard_in_loop = address, folder, heard
         self._network: BridgeNetwork | None = None
         self._reading = dict[int, CanopenDevice]()
+        self._synchronous = set[int]()
+        """Nodes with PDOs that need SYNC."""
+        self._other_sync_at = -OTHER_SYNC_S
         self._orders = WorldThread(f"CANopen on {address}")
         self._questions = WorldThread(f"questions on {address}")
         self._is_open = asyncio.Event()
@@ -135,6 +153,23 @@ class CanopenBus:
     def command(self, node_id: int, command: int, *, urgent: bool = False) -> None:
         """See `NodeBus`."""
         self._post(_NMT, bytes([command, node_id]), urgent=urgent)
+
+    def guard(self, node_id: int) -> None:
+        """See `NodeBus`."""
+
+        def ask() -> None:
+            if self._network is not None:
+                self._network.send_message(HEARTBEAT + node_id, b"", remote=True)
+
+        self._orders.post(ask)
+
+    def synchronise(self, node_id: int, *, is_needed: bool) -> None:
+        """See `NodeBus`."""
+        (self._synchronous.add if is_needed else self._synchronous.discard)(node_id)
+
+    def ask_all(self, data: bytes) -> None:
+        """Send a question of LSS, to all devices."""
+        self._post(REQUEST_ID, data)
 
     def search(self, known: Container[int]) -> None:
         """Ask all node ids who they are, but those that are known: nodes that send no heartbeat answer."""
@@ -179,7 +214,10 @@ class CanopenBus:
 
         def configure() -> None:
             try:
-                set_up = device.configure(SdoRequests(self._node(device.node_id)))
+                ask = SdoRequests(self._node(device.node_id))
+                set_up = device.configure(ask)
+                if set_up.is_synchronous:
+                    ask.expect_sync()
             except (SdoCommunicationError, SdoRefused, can.CanError) as error:
                 words = f"node {device.node_id} cannot be set up: {error}"
                 self._questions.tell(partial(device.failed, words))
@@ -230,14 +268,20 @@ class CanopenBus:
             network.connect()
             self._network = network
             self._orders.tell(self._is_open.set)
-            beat_at = time.monotonic()
+            beat_at = sync_at = time.monotonic()
             while not self._orders.is_ended:
                 self._orders.work()
                 if time.monotonic() >= beat_at:
                     beat_at = time.monotonic() + BEAT_S
                     network.send_message(HEARTBEAT + OWN_ID, bytes([OPERATIONAL]))
+                if self._synchronous and time.monotonic() >= sync_at:
+                    sync_at = max(sync_at + SYNC_S, time.monotonic())
+                    if time.monotonic() - self._other_sync_at >= OTHER_SYNC_S:
+                        network.send_message(SYNC_ID, b"")
                 network.check()
-                self._orders.wait(CHECK_S)
+                self._orders.wait(
+                    CHECK_S if not self._synchronous else max(0.0, min(CHECK_S, sync_at - time.monotonic()))
+                )
             self._orders.work()  # what makes devices safe at the end
         except can.CanError as error:
             raise LinkDown(f"{self._address}: {error}") from error
@@ -250,7 +294,9 @@ class CanopenBus:
             self._questions.wait(1.0)
 
     def _hear(self, can_id: int, data: bytes) -> None:
-        if can_id & 0x780 in _REPORTS and can_id & 0x7F not in (0, OWN_ID):
+        if can_id == SYNC_ID:
+            self._other_sync_at = time.monotonic()
+        elif can_id == ANSWER_ID or (can_id & 0x780 in _REPORTS and can_id & 0x7F not in (0, OWN_ID)):
             self._orders.tell(partial(self._heard_in_loop, can_id, data))
 
     def _post(self, can_id: int, data: bytes, *, urgent: bool = False) -> None:

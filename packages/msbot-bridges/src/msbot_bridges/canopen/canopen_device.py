@@ -29,6 +29,9 @@ OWN_ID: Final = 127
 """The bridge's own node id: the highest, so that its heartbeat yields to all others."""
 HEARTBEAT_MS: Final = 500
 """What a device that sends no heartbeat is told to send."""
+GUARD_MS: Final = 500
+"""A device that sends none is asked for its state so often (node guarding)."""
+LIFE_FACTOR: Final = 3
 BRIDGE_LOST_MS: Final = 1000
 """A device that watches heartbeats acts by itself when the bridge has been silent for so long."""
 
@@ -41,6 +44,12 @@ class NodeBus(Protocol):
 
     def command(self, node_id: int, command: int, *, urgent: bool = False) -> None:
         """Send a command of NMT."""
+
+    def guard(self, node_id: int) -> None:
+        """Ask a node for its state of NMT (node guarding), which comes as a heartbeat does."""
+
+    def synchronise(self, node_id: int, *, is_needed: bool) -> None:
+        """A node has PDOs that need SYNC, or is no longer in the robot."""
 
     def set_up(self, device: CanopenDevice) -> None:
         """Call `configure` in the thread that may wait, then `configured` or `failed` in the event loop."""
@@ -61,6 +70,11 @@ class SetUp:
     orders: tuple[PdoLayout, ...]
     """What it receives."""
     heartbeat_ms: int
+
+    @property
+    def is_synchronous(self) -> bool:
+        """Whether one of them waits for SYNC."""
+        return any(one.is_synchronous for one in (*self.reports, *self.orders))
 
 
 class CanopenDevice(ForeignDevice):
@@ -133,6 +147,7 @@ class CanopenDevice(ForeignDevice):
         """See `ForeignDevice`."""
         self._report = self._set_up = None
         self.is_stopping = False
+        self._bus.synchronise(self.node_id, is_needed=False)
         self._bus.command(self.node_id, ENTER_PRE_OPERATIONAL)
 
     def set(self, name: str, value: object) -> None:
@@ -150,12 +165,14 @@ class CanopenDevice(ForeignDevice):
             self._bus.read(self, self.still_entries())
         elif not self._is_out:
             self._bus.command(self.node_id, ENTER_PRE_OPERATIONAL, urgent=True)
+            if not self.heartbeat_ms:
+                self._bus.guard(self.node_id)
 
     def go(self) -> None:
         """See `ForeignDevice`."""
         self.is_stopping = False
         if self._set_up is not None and self.inputs:
-            self._bus.command(self.node_id, START)
+            self._start()
 
     @property
     def not_stopped(self) -> str:
@@ -163,7 +180,9 @@ class CanopenDevice(ForeignDevice):
         if not self.is_stopping or self._is_out:
             return ""
         return f"node {self.node_id} has not reported " + (
-            "by its heartbeat that it is PRE-OPERATIONAL" if self._is_still else self.not_still
+            f"by {'its heartbeat' if self.heartbeat_ms else 'node guarding'} that it is PRE-OPERATIONAL"
+            if self._is_still
+            else self.not_still
         )
 
     @property
@@ -180,8 +199,10 @@ class CanopenDevice(ForeignDevice):
         if self._report is None:
             return
         self._set_up = set_up
+        if set_up.is_synchronous:
+            self._bus.synchronise(self.node_id, is_needed=True)
         if not self.is_stopping or not self.inputs:
-            self._bus.command(self.node_id, START)
+            self._start()
 
     def failed(self, why: str) -> None:
         """It cannot be set up, or has not answered."""
@@ -222,6 +243,11 @@ class CanopenDevice(ForeignDevice):
         """Period of its heartbeat; 0: it sends none."""
         return self.description.heartbeat_ms if self._set_up is None else self._set_up.heartbeat_ms
 
+    def _start(self) -> None:
+        self._bus.command(self.node_id, START)
+        if not self.heartbeat_ms:
+            self._bus.guard(self.node_id)  # so that it is known that PDOs reach it
+
     # For the kinds
 
     def report(self, port: str, message: Message) -> None:
@@ -249,9 +275,14 @@ class CanopenDevice(ForeignDevice):
 
 
 def watch_each_other(ask: SdoRequests) -> int:
-    """Have a device send its heartbeat and watch the bridge's, where it can; the period in ms, 0: it sends none."""
+    """Have a device send its heartbeat and watch the bridge's, where it can; the period in ms, 0: it sends none.
+
+    One that sends none is guarded, and acts by itself when the bridge has not asked for its state three times.
+    """
     period = ask.number(objects.PRODUCER_HEARTBEAT) or 0
     if not period and ask.write_if_there(objects.PRODUCER_HEARTBEAT, HEARTBEAT_MS):
         period = HEARTBEAT_MS
+    if not period and ask.write_if_there(objects.GUARD_TIME, GUARD_MS):
+        ask.write_if_there(objects.LIFE_FACTOR, LIFE_FACTOR)
     ask.write_if_there(objects.CONSUMER_HEARTBEAT, OWN_ID << 16 | BRIDGE_LOST_MS)
     return period

@@ -1,4 +1,8 @@
-"""All nodes of one CANopen bus: found by what they send, and by asking all node ids; missed when they fall silent."""
+"""All nodes of one CANopen bus: found by what they send, and by asking all node ids; missed when they fall silent.
+
+Devices without a node id get one (LSS). A node that sends no heartbeat is asked for its state (node guarding), or, when
+it does not answer that, for its error register.
+"""
 
 from __future__ import annotations
 
@@ -9,9 +13,10 @@ from typing import Final
 from msbot_bridges.bridge import World, WorldHost
 from msbot_bridges.canopen import objects
 from msbot_bridges.canopen.canopen_bus import EMERGENCY, HEARTBEAT, CanopenBus
-from msbot_bridges.canopen.canopen_device import CanopenDevice
+from msbot_bridges.canopen.canopen_device import GUARD_MS, CanopenDevice
 from msbot_bridges.canopen.drive_device import DriveDevice
 from msbot_bridges.canopen.eds_folder import EdsFolder
+from msbot_bridges.canopen.lss import ANSWER_ID, ANSWER_S, SETTLE_S, LssFailure, NodeIds, Numbered, number_one
 from msbot_bridges.canopen.mapped_device import MappedDevice
 from msbot_bridges.canopen.node_description import NodeDescription
 
@@ -25,6 +30,12 @@ BEATS: Final = 3
 LEAST_SILENCE_S: Final = 1.0
 POLL_S: Final = 1.0
 """A node that sends no heartbeat is asked so often."""
+GUARD_S: Final = GUARD_MS / 1000
+LSS_FIRST_S: Final = 1.0
+"""By then the nodes that have ids are known."""
+LSS_S: Final = 3.0
+"""So often devices without a node id are searched for."""
+MOST_ANSWERS: Final = 200
 BOOT_UP: Final = 0
 
 
@@ -37,6 +48,8 @@ class _Node:
         self.ask_at: float | None = now
         """None: it is being asked, or is known."""
         self.poll_at = now
+        self.is_guarded = False
+        """It sends no heartbeat, and has answered when it was asked for its state."""
         self.device: CanopenDevice | None = None
         self.told = ""
         """Why no part is made of it, as was said."""
@@ -53,25 +66,30 @@ class CanopenWorld(World):
     Args:
         address: `INTERFACE:CHANNEL[?bitrate=N]` of python-can.
         folder: EDS files.
+        gives_ids: devices without a node id get one.
     """
 
-    def __init__(self, address: str, folder: EdsFolder) -> None:
-        self._address, self._folder = address, folder
+    def __init__(self, address: str, folder: EdsFolder, *, gives_ids: bool = True) -> None:
+        self._address, self._folder, self._gives_ids = address, folder, gives_ids
         self._nodes: dict[int, _Node] = {}
+        self._ids = NodeIds()
+        self._lss_answers = asyncio.Queue[bytes](MOST_ANSWERS)
+        self._lss_trouble = ""
 
     async def run(self, host: WorldHost) -> None:
         """See `World`."""
         self._host, self._loop = host, asyncio.get_running_loop()
         bus = self._bus = CanopenBus(self._address, self._folder, self._heard)
-        watching = asyncio.create_task(self._watch())
-        running = asyncio.create_task(bus.run())
+        tasks = [asyncio.create_task(bus.run()), asyncio.create_task(self._watch())]
+        if self._gives_ids:
+            tasks.append(asyncio.create_task(self._give_ids()))
         try:
-            await asyncio.wait([watching, running], return_when=asyncio.FIRST_COMPLETED)
+            await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
         finally:
-            for task in (watching, running):
+            for task in tasks:
                 task.cancel()
-            await asyncio.wait([watching, running])
-        for task in (running, watching):
+            await asyncio.wait(tasks)
+        for task in tasks:
             if not task.cancelled() and (error := task.exception()) is not None:
                 raise error
 
@@ -96,10 +114,16 @@ class CanopenWorld(World):
             node.ask_at = None
             self._bus.describe(node.node_id, partial(self._described, node))
         elif node.device is not None and not node.beat_s and now >= node.poll_at:
-            node.poll_at = now + POLL_S
-            self._bus.read(node.device, [objects.ERROR_REGISTER])
+            node.poll_at = now + (GUARD_S if node.is_guarded else POLL_S)
+            self._bus.guard(node.node_id)
+            if not node.is_guarded:
+                self._bus.read(node.device, [objects.ERROR_REGISTER])
 
     def _heard(self, can_id: int, data: bytes) -> None:
+        if can_id == ANSWER_ID:
+            if not self._lss_answers.full() and len(data) == 8:
+                self._lss_answers.put_nowait(data)
+            return
         now, node_id = self._loop.time(), can_id & 0x7F
         node = self._nodes.get(node_id)
         if node is None:
@@ -113,12 +137,56 @@ class CanopenWorld(World):
                     self._lose(node, f"node {node_id} has started anew")
                     self._nodes[node_id] = _Node(node_id, now)
             elif node.device is not None:
+                node.is_guarded = not node.beat_s
                 node.device.heartbeat(state)
         elif service == EMERGENCY and len(data) >= 3:
             if node.device is not None:
                 node.device.emergency(int.from_bytes(data[:2], "little"), data[2])
         elif node.device is not None:
             node.device.received(can_id, data)
+
+    async def _give_ids(self) -> None:
+        await self._bus.opened()
+        await asyncio.sleep(LSS_FIRST_S)
+        while True:
+            try:
+                numbered = await self._number_one()
+            except LssFailure as error:
+                numbered = None
+                if str(error) != self._lss_trouble:
+                    self._lss_trouble = str(error)
+                    self._host.say(str(error))
+            if numbered is None:
+                await asyncio.sleep(LSS_S)
+                continue
+            self._lss_trouble = ""
+            keeps = "keeps it" if numbered.is_kept else "does not keep it: it gets one again when it is switched on"
+            self._host.say(f"a device ({numbered.address}) has got the node id {numbered.node_id}, and {keeps}")
+
+    async def _number_one(self) -> Numbered | None:
+        """Give one device without a node id an id; None: there is none."""
+        questions = number_one(self._ids, self._nodes)
+        answer: bytes | None = None
+        try:
+            question = next(questions)
+            while True:
+                while not self._lss_answers.empty():  # of devices that were slow
+                    self._lss_answers.get_nowait()
+                self._bus.ask_all(question.data)
+                answer = await self._lss_answer() if question.is_answered else None
+                question = questions.send(answer)
+        except StopIteration as end:
+            found: Numbered | None = end.value
+            return found
+
+    async def _lss_answer(self) -> bytes | None:
+        try:
+            async with asyncio.timeout(ANSWER_S):
+                answer = await self._lss_answers.get()
+        except TimeoutError:
+            return None
+        await asyncio.sleep(SETTLE_S)
+        return answer
 
     def _described(self, node: _Node, found: NodeDescription | str) -> None:
         if self._nodes.get(node.node_id) is not node:

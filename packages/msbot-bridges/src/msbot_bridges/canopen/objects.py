@@ -67,6 +67,9 @@ class SettingEntry:
 
 DEVICE_TYPE: Final = Entry(0x1000, 0, 32)
 ERROR_REGISTER: Final = Entry(0x1001, 0, 8)
+SYNC_COB_ID: Final = Entry(0x1005, 0, 32)
+GUARD_TIME: Final = Entry(0x100C, 0, 16)
+LIFE_FACTOR: Final = Entry(0x100D, 0, 8)
 CONSUMER_HEARTBEAT: Final = Entry(0x1016, 1, 32)
 PRODUCER_HEARTBEAT: Final = Entry(0x1017, 0, 16)
 VENDOR, PRODUCT, REVISION, SERIAL = (Entry(0x1018, number, 32) for number in (1, 2, 3, 4))

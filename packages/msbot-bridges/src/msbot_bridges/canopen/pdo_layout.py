@@ -21,6 +21,8 @@ class PdoLayout:
     """From 1."""
     cob_id: int
     entries: tuple[Entry, ...]
+    is_synchronous: bool = False
+    """It is sent, or taken, when SYNC comes."""
 
     @property
     def octets(self) -> int:

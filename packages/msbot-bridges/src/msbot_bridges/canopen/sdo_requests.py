@@ -8,6 +8,7 @@ from typing import Final
 from canopen import RemoteNode
 from canopen.sdo import SdoAbortedError
 
+from msbot_bridges.canopen import objects
 from msbot_bridges.canopen.objects import Entry
 from msbot_bridges.canopen.pdo_layout import PdoLayout, mapped_entries
 from msbot_xrce.errors import MsbotError
@@ -16,6 +17,9 @@ NOT_THERE: Final = frozenset({0x06020000, 0x06090011, 0x06010001, 0x06010002, 0x
 """Abort codes: no such object or subindex, not readable, not writable, no data, not available."""
 _NO_PDO: Final = 1 << 31
 _EVENT_DRIVEN: Final = 255
+_SYNCHRONOUS: Final = 240
+"""Up to this transmission type a PDO waits for SYNC."""
+_SYNC_ID: Final = 0x080
 _TPDO, _RPDO = (0x1800, 0x1A00, 0x180), (0x1400, 0x1600, 0x200)
 
 
@@ -64,6 +68,12 @@ class SdoRequests:
 
     # PDOs
 
+    def expect_sync(self) -> None:
+        """Have the node take the bridge's SYNC for its own."""
+        cob_id = self.number(objects.SYNC_COB_ID)
+        if cob_id is not None and cob_id & 0x7FF != _SYNC_ID:
+            self.write(objects.SYNC_COB_ID, _SYNC_ID)
+
     def layout(self, number: int, known: Mapping[tuple[int, int], Entry], *, is_sent: bool) -> PdoLayout | None:
         """A PDO as the node has it; None: it has none of that number, or does not use it."""
         communication, mapping, _ = _TPDO if is_sent else _RPDO
@@ -74,7 +84,9 @@ class SdoRequests:
         if count > 64:
             return None  # above are codes for multiplexed PDOs
         mapped = [self.number(Entry(mapping + number - 1, one + 1, 32)) or 0 for one in range(count)]
-        return PdoLayout(number, cob_id & 0x1FFFFFFF, mapped_entries(mapped, known))
+        transmission = self.number(Entry(communication + number - 1, 2, 8))
+        is_synchronous = transmission is not None and transmission <= _SYNCHRONOUS
+        return PdoLayout(number, cob_id & 0x1FFFFFFF, mapped_entries(mapped, known), is_synchronous)
 
     def map_pdo(self, number: int, entries: Sequence[Entry], *, is_sent: bool, event_ms: int = 0) -> PdoLayout:
         """Have a PDO carry these entries, sent when they change and, with `event_ms`, also so often.

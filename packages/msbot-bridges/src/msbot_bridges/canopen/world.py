@@ -32,33 +32,41 @@ def open_world(link: BridgeLink) -> World:
         from msbot_bridges.canopen.eds_folder import EdsFolder
     except ModuleNotFoundError as error:
         raise _missing(error) from error
-    folder = link.option("eds")
-    return CanopenWorld(link.address, EdsFolder(Path(folder) if folder else None))
+    folder, lss = link.option("eds"), link.option("lss", "yes")
+    if lss not in ("yes", "no"):
+        raise ConfigError(f"--option lss={lss}: write yes or no")
+    return CanopenWorld(link.address, EdsFolder(Path(folder) if folder else None), gives_ids=lss == "yes")
 
 
 def _drive(link: BridgeLink, options: Mapping[str, Any]) -> SimulatedDevice:
-    check_address(link.address)
-    try:
-        from msbot_bridges.canopen.simulated.drive import SimulatedDrive
-    except ModuleNotFoundError as error:
-        raise _missing(error) from error
-    return SimulatedDrive(link.address, _node_id(options, 5))
+    return _simulated(link, options, "drive", 5)
 
 
 def _io(link: BridgeLink, options: Mapping[str, Any]) -> SimulatedDevice:
+    return _simulated(link, options, "io", 6)
+
+
+def _simulated(link: BridgeLink, options: Mapping[str, Any], name: str, otherwise: int) -> SimulatedDevice:
     check_address(link.address)
+    node, serial = (str(options.get(one, "")) for one in ("node", "serial"))
+    is_right = node in ("", "none") or (node.isdecimal() and 1 <= int(node) <= 126)
+    if set(options) - {"node", "serial"} or not is_right or not (serial or "1").isdecimal():
+        raise ConfigError(
+            "a simulated node takes --option node=N, from 1 to 126, or none for one without a node id, and "
+            "--option serial=N; no other"
+        )
     try:
+        from msbot_bridges.canopen.simulated.drive import SimulatedDrive
         from msbot_bridges.canopen.simulated.io_module import SimulatedIo
+        from msbot_bridges.canopen.simulated.lss_slave import UnnumberedDevice
     except ModuleNotFoundError as error:
         raise _missing(error) from error
-    return SimulatedIo(link.address, _node_id(options, 6))
-
-
-def _node_id(options: Mapping[str, Any], otherwise: int) -> int:
-    text = str(options.get("node", otherwise))
-    if set(options) - {"node"} or not text.isdecimal() or not 1 <= int(text) <= 126:
-        raise ConfigError("a simulated node takes --option node=N, from 1 to 126, and no other")
-    return int(text)
+    kind = SimulatedDrive if name == "drive" else SimulatedIo
+    if node == "none":
+        number = int(serial or 1)
+        who = kind(link.address, 1, number).lss_address
+        return UnnumberedDevice(link.address, who, lambda given: kind(link.address, given, number))
+    return kind(link.address, int(node or otherwise), int(serial) if serial else None)
 
 
 def _missing(error: ModuleNotFoundError) -> ConfigError:
@@ -97,7 +105,7 @@ WORLD = WorldKind(
     "CANopen drives (CiA 402), inputs and outputs (CiA 401), devices with an EDS",
     "socketcan:can0?bitrate=500000",
     open_world,
-    options={"eds": "a folder with EDS files"},
+    options={"eds": "a folder with EDS files", "lss": "yes or no: give node ids to devices that have none"},
     simulated={"drive": _drive, "io": _io},
     fits=_fits,
     can=CLAIM,

@@ -26,12 +26,15 @@ from canopen.objectdictionary import (
 
 import can
 from msbot_bridges.canbus import open_bus
-from msbot_bridges.canopen.canopen_bus import BridgeNetwork
-from msbot_bridges.canopen.objects import Entry
+from msbot_bridges.canopen.canopen_bus import HEARTBEAT, SYNC_ID, BridgeNetwork
+from msbot_bridges.canopen.lss import LssAddress
+from msbot_bridges.canopen.objects import GUARD_TIME, PRODUCT, REVISION, SERIAL, VENDOR, Entry
 from msbot_xrce.errors import LinkDown
 
 STEP_S: Final = 0.01
 OPERATIONAL: Final = 5
+SYNCHRONOUS: Final = 240
+"""Up to this transmission type a PDO is sent with every so many SYNCs."""
 _KINDS: Final = {
     (8, False): UNSIGNED8,
     (16, False): UNSIGNED16,
@@ -107,6 +110,10 @@ class LocalDevice(ABC):
         self._sent_at = dict[int, float]()
         self._sent = dict[int, bytes]()
         self._state = 0
+        self._toggle = 0
+        self._syncs = 0
+        self._syncs_sent = dict[int, int]()
+        """How many SYNCs there were when each PDO was sent."""
 
     async def run(self) -> None:
         """See `SimulatedDevice`."""
@@ -128,7 +135,7 @@ class LocalDevice(ABC):
         Raises:
             LinkDown: the bus cannot be opened, or has ended.
         """
-        network = BridgeNetwork(open_bus(self._address), lambda _id, _data: None)
+        network = BridgeNetwork(open_bus(self._address), self._frame, self._asked)
         try:
             network.connect()
             network.add_node(self.node)
@@ -161,20 +168,40 @@ class LocalDevice(ABC):
         self.node.set_data(entry.index, entry.subindex, entry.encode(value))
 
     @property
+    def lss_address(self) -> LssAddress:
+        """Who it is."""
+        return LssAddress(*map(self.get, (VENDOR, PRODUCT, REVISION, SERIAL)))
+
+    @property
     def is_operational(self) -> bool:
         """Whether its PDOs are in use."""
         return self._state == OPERATIONAL
 
     # Inside
 
+    def _frame(self, can_id: int, _data: bytes) -> None:
+        if can_id == SYNC_ID:
+            self._syncs += 1
+
+    def _asked(self, can_id: int) -> None:
+        """Node guarding: the state, and a bit that is another one each time."""
+        if can_id == HEARTBEAT + self.node.id and GUARD_TIME.index in self.node.object_dictionary:
+            # It says OPERATIONAL when its PDOs are in use, which is a moment later than the library has it.
+            state = OPERATIONAL if self.is_operational else 4 if self.node.nmt.state == "STOPPED" else 127
+            self.node.network.send_message(can_id, bytes([state | self._toggle]))
+            self._toggle ^= 0x80
+
     def _live(self) -> None:
         nmt = self.node.nmt
         if nmt.state == "INITIALISING":
             nmt.state = "INITIALISING"  # says boot-up
             nmt.state = "PRE-OPERATIONAL"
-        before, self._state = self._state, OPERATIONAL if nmt.state == "OPERATIONAL" else 0
-        if self.is_operational and before != OPERATIONAL:
+        is_operational = nmt.state == "OPERATIONAL"
+        has_started = is_operational and not self.is_operational
+        if has_started:
             self._use_pdos()
+        self._state = OPERATIONAL if is_operational else 0
+        if has_started:
             # The library's periodic message may go on with the state before.
             nmt.start_heartbeat(int.from_bytes(self.node.get_data(0x1017, 0), "little"))
         self.step(STEP_S)
@@ -199,6 +226,11 @@ class LocalDevice(ABC):
                 continue
             for variable in pdo:
                 variable.set_data(self.node.get_data(variable.index, variable.subindex))
+            if (every := pdo.trans_type or 0) and every <= SYNCHRONOUS:
+                if self._syncs - self._syncs_sent.get(number, 0) >= every:
+                    self._syncs_sent[number] = self._syncs
+                    pdo.transmit()
+                continue
             data, period = bytes(pdo.data), (pdo.event_timer or 0) / 1000
             is_due = now - self._sent_at.get(number, 0.0) >= period if period else False
             if is_due or (not period and data != self._sent.get(number)) or number not in self._sent_at:
