@@ -67,16 +67,18 @@ def check_after(seconds, function):
     raise ConfigError("after({}): the time must be 0 seconds or more".format(seconds))
 
 
-def on(part, port, message_class, *, optional=False, safe=None):
-    """Call the function below with each message that arrives at the port."""
+def on(part, port, message_class, optional=False, safe=None, ranges=None):
+    """Call the function below with each message that arrives at the port; not `*`, which takes memory."""
     if not (isinstance(message_class, type) and issubclass(message_class, Message)):
-        words = "@part.on({!r}, ...) needs the class of the message, not {!r}: on({!r}, HelloWorld)"
-        raise ConfigError(words.format(port, message_class, port))
+        words = "@part.on({0!r}, ...) needs the class of the message, not {1!r}: on({0!r}, HelloWorld)"
+        raise ConfigError(words.format(port, message_class))
     if port in part._listeners:
         raise ConfigError("port {!r} has a function already: one function per port".format(port))
 
     def remember(function):
-        _remember(part.declared, function, ("subscribe", port, message_class, safe))
+        _remember(
+            part.declared, function, ("subscribe", port, message_class, safe if ranges is None else (safe, ranges))
+        )
         part._listeners[port] = (message_class, function, optional)
         return function
 
@@ -111,9 +113,11 @@ def _declare(part, name, kind, default, least, most, unit):
     if default is None and not part.describes:
         return
     if default is None:
-        words = "setting {!r} needs a default, because the part describes itself: for example "
-        words += "on_setting({!r}, float, default=1.0) or every({!r}, default=1.0)"
-        raise ConfigError(words.format(name, name, name))
+        words = (
+            "setting {0!r} needs a default, because the part describes itself: for example "
+            "on_setting({0!r}, float, default=1.0) or every({0!r}, default=1.0)"
+        )
+        raise ConfigError(words.format(name))
     default = kind(default)
     part._defaults[name] = str(default).lower() if kind is bool else str(default)
     part.declared.append(("setting", name, kind, (default, least, most, unit)))

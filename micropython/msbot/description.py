@@ -21,12 +21,15 @@ def describe(part):
         out.append("category = " + _value("sensor" if ways[0] == "publish" else "actuator"))
     classes = []
     for way in ("publish", "subscribe"):
-        for kind, port, message_class, safe in part.declared:
+        for kind, port, message_class, also in part.declared:
             if kind == way:
                 out += ["", "[[port]]", "name = " + _value(port), "direction = " + _value(way)]
                 out.append("type = " + _value(type_name_of(message_class)))
+                safe, ranges = also if isinstance(also, tuple) else (also, None)
                 if safe is not None:
                     out.append("safe = " + _table([(way, value) for way, _, value in leaves_of(safe)]))
+                if ranges:
+                    out.append("ranges = " + _ends(ranges))
                 if message_class not in classes:
                     classes.append(message_class)
     for way in ("call", "serve"):
@@ -79,6 +82,11 @@ def _word(message_class, name, kind):
         words = "{}.{} is {}, which a part cannot describe: say how many there can be; there are no lists of lists"
         raise ConfigError(words.format(message_class.__name__, name, word))
     return word
+
+
+def _ends(ranges):
+    pairs = ["{} = [{}, {}]".format(name, _value(least), _value(most)) for name, (least, most) in ranges.items()]
+    return "{" + ", ".join(pairs) + "}"
 
 
 def _table(pairs):

@@ -24,6 +24,7 @@ from msbot_agent.link import InprocHub
 from msbot_agent.space import MemorySpace
 from msbot_bridges.bridge import BridgeLink, worlds
 from msbot_bridges.cli.bridge_runner import RUNNER
+from msbot_xrce.errors import ConfigError
 from tests.bridges.mosquitto import mosquitto
 from tests.e2e.test_processes import free_port
 
@@ -170,6 +171,11 @@ async def test_a_device_is_adopted_recorded_stopped_and_its_loss_explained(
             if world == "mqtt":  # a lamp reports when something has changed
                 await robot.do("publish", who="ann", port="guest.lamp", values=["40"], seconds=60.0)
             await robot.until(lambda: robot.has_recorded("seen"))
+            if too_much := {"mqtt": ("lamp", "140"), "modbus": ("speed", "3001")}.get(world):
+                with pytest.raises(ConfigError, match="must be from 0 to"):
+                    await robot.do(
+                        "publish", who="ann", port=f"guest.{too_much[0]}", values=[too_much[1]], seconds=60.0
+                    )
             if world == "dronecan":
                 wire = {"topic": "again", "type": "Trigger -> Text", "from": "guest.restart", "to": []}
                 await robot.do("bind", who="ann", **wire)

@@ -585,6 +585,10 @@ def deaf() -> None:
     """Takes no message."""
 
 
+def ranged(ranges: dict[str, tuple[float, float]]) -> object:
+    return make_part().on("in", HelloWorld, ranges=ranges)(lambda message: None)
+
+
 @pytest.mark.parametrize(
     ("make", "words"),
     [
@@ -599,6 +603,8 @@ def deaf() -> None:
         (lambda: make_part().board, "part ABCD has no board: make it with Part(..., board=SimGpio())"),
         (lambda: make_part().on("in", str), "on('in', ...) needs the class of the message, not <class 'str'>"),  # type: ignore[type-var]
         (lambda: make_part().on("in", HelloWorld)(deaf), "must take one argument, the message"),  # type: ignore[arg-type]
+        (lambda: ranged({"index": (9, 1)}), "'index' needs the least and the greatest value, for example (0, 100)"),
+        (lambda: ranged({"message": (0, 1)}), "the ranges of port 'in': 'message' is no number in a HelloWorld"),
         (lambda: make_part().on_join(lambda _: None), "must take no arguments"),  # type: ignore[arg-type]
     ],
 )

@@ -75,7 +75,7 @@ class BridgedPart:
         for output in device.outputs:
             part.publishes(output.name, output.message)
         for one in device.inputs:
-            part.on(one.name, one.message, safe=one.safe, optional=True)(self._acting(one.name))
+            part.on(one.name, one.message, safe=one.safe, ranges=one.ranges, optional=True)(self._acting(one.name))
         for service in device.services:
             part.serves(service.name, service.request, service.reply, optional=True)(self._serving(service.name))
         for setting in device.settings:

@@ -93,6 +93,8 @@ class Input:
     message: type[Message]
     safe: Message | None = None
     """The value when nobody is in command; None: it keeps what it has."""
+    ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    """The least and the greatest value of fields."""
 
 
 @dataclass(frozen=True, slots=True)

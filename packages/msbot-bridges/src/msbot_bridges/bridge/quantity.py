@@ -44,6 +44,13 @@ class Quantity:
         """The message for a number of the device."""
         return self.message(**{**self.rest, self.name: number * self.factor + self.offset})
 
+    def ranges(self, least: float | None, most: float | None) -> dict[str, tuple[float, float]]:
+        """The range of the field, for one of the device; none where an end of that is missing."""
+        if least is None or most is None or least >= most:
+            return {}
+        low, high = (round(end * self.factor + self.offset, 9) for end in (least, most))
+        return {self.name: (low, high)}
+
     def number(self, message: Message) -> float:
         """The number of the device for a message."""
         return (float(getattr(message, self.name)) - self.offset) / self.factor

@@ -44,7 +44,10 @@ class ModuleDevice(ForeignDevice):
         self._unconfirmed: dict[Register, bytes] = {}
         self._name_ports()
         self.outputs = [DeviceOutput(name, sensor.message) for name, sensor in self._sensors.values()]
-        self.inputs = [Input(name, actuator.message, actuator.safe) for name, (_, actuator) in self._actuators.items()]
+        self.inputs = [
+            Input(name, actuator.message, actuator.safe, actuator.ranges(module.registers(index)))
+            for name, (index, actuator) in self._actuators.items()
+        ]
         self.settings = [
             DeviceSetting(name, one.kind, one.kind(one.default), one.least, one.most, one.unit)
             for name, (_, one) in self._settings.items()

@@ -129,6 +129,8 @@ class Actuator(ServiceKind):
     """Registers of the safest state; it has stopped when all of them have been reported."""
     stopped: str = field(kw_only=True)
     """What it has to report, in words."""
+    ranges: Callable[[Registers], Mapping[str, tuple[float, float]]] = field(default=lambda _: {}, kw_only=True)
+    """The least and the greatest value of the message's fields."""
 
 
 def _level(form: FixedPoint) -> Callable[[bytes, Registers], Message]:
@@ -146,10 +148,19 @@ def _distance(data: bytes, known: Registers) -> Message:
     return Distance(metres=metres, in_range=least <= metres <= most)
 
 
+def _angles(known: Registers) -> tuple[float, float]:
+    least = I16_16.read(known[LEAST_VALUE]) if known.get(LEAST_VALUE) else 0.0
+    return least, I16_16.read(known[MOST_VALUE]) if known.get(MOST_VALUE) else 180.0
+
+
+def _angle_range(known: Registers) -> Mapping[str, tuple[float, float]]:
+    least, most = _angles(known)
+    return {"degrees": (least, most)} if least < most else {}
+
+
 def _angle(message: Message, known: Registers) -> Mapping[int, bytes]:
     degrees = cast("Angle", message).degrees
-    least = I16_16.read(known[LEAST_VALUE]) if known.get(LEAST_VALUE) else 0.0
-    most = I16_16.read(known[MOST_VALUE]) if known.get(MOST_VALUE) else 180.0
+    least, most = _angles(known)
     return {VALUE: I16_16.write(max(least, min(most, degrees))), INTENSITY: b"\1"}
 
 
@@ -300,6 +311,7 @@ SERVICES: Mapping[int, ServiceKind] = {
         settings=(ServiceSetting("offset", _OFFSET, I16_16, float, 0.0, -90.0, 90.0, "°"),),
         message=Angle,
         write=_angle,
+        ranges=_angle_range,
         stop=lambda _: {INTENSITY: b"\0"},
         stopped="that its power is off",
     ),
@@ -308,6 +320,7 @@ SERVICES: Mapping[int, ServiceKind] = {
         "motor",
         message=Level,
         write=_power,
+        ranges=lambda _: {"percent": (-100.0, 100.0)},
         safe=Level(percent=0),
         stop=lambda _: {VALUE: b"\0\0", INTENSITY: b"\0"},
         stopped="that its power is off",
@@ -317,6 +330,7 @@ SERVICES: Mapping[int, ServiceKind] = {
         "lamp",
         message=Level,
         write=_brightness,
+        ranges=lambda _: {"percent": (0.0, 100.0)},
         safe=Level(percent=0),
         stop=lambda _: {INTENSITY: b"\0\0"},
         stopped="that it is dark",

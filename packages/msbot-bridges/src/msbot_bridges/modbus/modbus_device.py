@@ -45,7 +45,7 @@ class ModbusDevice(ForeignDevice):
         self.table = table
         self.outputs = tuple(DeviceOutput(one.name, one.message) for one in table.of_role(PointUse.OUT))
         self.inputs = tuple(
-            Input(one.name, one.message, None if one.safe is None else one.message_of(one.safe))
+            Input(one.name, one.message, None if one.safe is None else one.message_of(one.safe), one.ranges)
             for one in table.of_role(PointUse.IN)
         )
         self.settings = tuple(_setting(one) for one in table.of_role(PointUse.SETTING))

@@ -105,6 +105,12 @@ class ModbusPoint:
         return Switch if what is None else what.message
 
     @property
+    def ranges(self) -> dict[str, tuple[float, float]]:
+        """Of its message."""
+        what = self.quantity
+        return {} if what is None else what.ranges(self.least, self.most)
+
+    @property
     def step(self) -> float:
         """The least difference that the registers can hold, in the unit; 0 for floating point."""
         return 0.0 if self.format.startswith("float") else abs(self.scale)

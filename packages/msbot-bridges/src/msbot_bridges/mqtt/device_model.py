@@ -48,6 +48,8 @@ class CommandPort:
     """Whether a payload of the state topic says that it has stopped; None: it says nothing about this."""
     safe_words: str = ""
     """What the device reports when it has stopped: `that it is off`."""
+    ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    """The least and the greatest value of fields."""
 
 
 @dataclass(frozen=True, slots=True)

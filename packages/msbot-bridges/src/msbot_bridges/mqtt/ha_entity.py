@@ -19,6 +19,7 @@ from msbot_xrce.errors import ConfigError
 from msbot_xrce.lazy import dataclass
 
 Config = Mapping[str, Any]
+_PERCENT: Mapping[str, tuple[float, float]] = {"percent": (0.0, 100.0)}
 _NEAR = 0.005
 """A share of the range: a report so near the safe value is the safe value."""
 
@@ -213,7 +214,7 @@ def _dimmed_light(config: Config, port: str, names: PortNames) -> EntityPorts:
         readings += [StatePort(name, Level, dim_state, read)] if dim_state else []
         readings += [StatePort(name, Level, state_topic, read_off)] if state_topic else []
     safe = Level(percent=0)
-    command = CommandPort(port, Level, safe, orders, orders(safe), state_topic, is_off, "that it is off")
+    command = CommandPort(port, Level, safe, orders, orders(safe), state_topic, is_off, "that it is off", _PERCENT)
     return EntityPorts(readings, [command])
 
 
@@ -267,6 +268,7 @@ def _json_light(config: Config, port: str, names: PortNames) -> EntityPorts:
             state_topic,
             lambda payload: _not(state(payload)[0]),
             "that it is off",
+            _PERCENT if is_dimmed else {},
         )
     ]
     if modes & {"rgb", "rgbw", "rgbww"}:
@@ -322,7 +324,7 @@ def _fan(config: Config, port: str, names: PortNames) -> EntityPorts:
                 StatePort(name, Level, state_topic, lambda text: Level(percent=0) if is_off(text) else None)
             )
     safe = Level(percent=0)
-    command = CommandPort(port, Level, safe, orders, orders(safe), state_topic, is_off, "that it is off")
+    command = CommandPort(port, Level, safe, orders, orders(safe), state_topic, is_off, "that it is off", _PERCENT)
     return EntityPorts(readings, [command])
 
 
@@ -371,7 +373,8 @@ def _cover(config: Config, port: str, names: PortNames) -> EntityPorts:
     message_type: type[Message] = Level if set_topic else Switch
     orders = position_orders if set_topic else open_orders
     words = "that it stands still" if stops else "that it stands still, and it cannot be told to"
-    command = CommandPort(port, message_type, None, orders, stops, state_topic, is_still, words)
+    ranges = _PERCENT if set_topic else {}
+    command = CommandPort(port, message_type, None, orders, stops, state_topic, is_still, words, ranges)
     readings = []
     if position_topic:
         readings.append(StatePort(names.name(f"{port}_state"), Level, position_topic, read_position))
@@ -400,10 +403,9 @@ def _number_entity(config: Config, port: str, names: PortNames) -> EntityPorts:
 
     safe = what.make(safe_number)
     readings = [_number_reading(names.name(f"{port}_state"), what, state_topic, template)] if state_topic else []
-    words = f"the value {_shown(safe_number)}"
-    return EntityPorts(
-        readings, [CommandPort(port, what.message, safe, orders, orders(safe), state_topic, is_safe, words)]
-    )
+    words, ranges = f"the value {_shown(safe_number)}", what.ranges(least, most)
+    command = CommandPort(port, what.message, safe, orders, orders(safe), state_topic, is_safe, words, ranges)
+    return EntityPorts(readings, [command])
 
 
 def _number_orders(

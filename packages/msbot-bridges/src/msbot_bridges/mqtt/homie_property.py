@@ -140,8 +140,8 @@ def _number(one: HomieProperty, names: PortNames) -> tuple[list[StatePort], list
         return None if value is None else abs(value - safe_number) <= tolerance
 
     safe: Message = Count(value=round(safe_number)) if what is _COUNT else what.make(safe_number)
-    words = f"the value {safe_number:g}"
-    return readings, [CommandPort(command, what.message, safe, orders, orders(safe), one.topic, is_safe, words)]
+    words, ranges = f"the value {safe_number:g}", what.ranges(least, most)
+    return readings, [CommandPort(command, what.message, safe, orders, orders(safe), one.topic, is_safe, words, ranges)]
 
 
 _COUNT = Quantity(Count, "value")

@@ -40,7 +40,7 @@ class MqttDevice(ForeignDevice):
         self.identity = model.identity
         outputs = {one.port: one.message for one in model.readings}  # several topics may fill one port
         self.outputs = tuple(DeviceOutput(port, message) for port, message in outputs.items())
-        self.inputs = tuple(Input(one.port, one.message, one.safe) for one in model.commands)
+        self.inputs = tuple(Input(one.port, one.message, one.safe, one.ranges) for one in model.commands)
         self._send, self._news, self._now = send, news, now
         self._commands = {one.port: one for one in model.commands}
         self._newest: dict[str, Message] = {}

@@ -53,6 +53,9 @@ def _lines(number: str, name: str, program: ProgramDeclarations) -> Iterator[str
         yield from _port(port, "subscribe", listener.message_class)
         if listener.safe is not None:
             yield f"safe = {_table(_values(listener.safe))}"
+        if listener.ranges:
+            ends = (f"{field} = [{_value(least)}, {_value(most)}]" for field, (least, most) in listener.ranges.items())
+            yield f"ranges = {{{', '.join(ends)}}}"
         classes.append(listener.message_class)
     for port, exchange in program.calls.items():
         yield from _service(port, "call", exchange)

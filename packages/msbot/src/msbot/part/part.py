@@ -158,7 +158,13 @@ class Part:
         return function
 
     def on(
-        self, port: str, message_class: type[_M] | None = None, *, optional: bool = False, safe: _M | None = None
+        self,
+        port: str,
+        message_class: type[_M] | None = None,
+        *,
+        optional: bool = False,
+        safe: _M | None = None,
+        ranges: Mapping[str, tuple[float, float]] | None = None,
     ) -> Callable[[Callable[[_M], object]], Callable[[_M], object]]:
         """Call the decorated function with each message that comes in at the port.
 
@@ -167,9 +173,11 @@ class Part:
             message_class: the class of the incoming messages.
             optional: the robot need not use the port; otherwise the part reports it when the robot does not.
             safe: the port's safe value, which a part that describes itself declares.
+            ranges: the least and the greatest value of fields, which a part that describes itself declares.
 
         Raises:
-            ConfigError: not a message class, a second function for the port, or not a plain function of one argument.
+            ConfigError: not a message class, a second function for the port, not a plain function of one argument, or
+                not ranges of numbers that the message has.
         """
         if callable(port):
             name = getattr(port, "__name__", "...")
@@ -181,7 +189,7 @@ class Part:
             raise ConfigError(f"the safe value of port {port!r} must be a {message_class.__name__}, not {safe!r}")
 
         def remember(function: Callable[[_M], object]) -> Callable[[_M], object]:
-            self._program.add_listener(port, Listener(message_class, function, optional, safe))  # type: ignore[arg-type]  # decoded as _M
+            self._program.add_listener(port, Listener(message_class, function, optional, safe, ranges or {}))  # type: ignore[arg-type]  # decoded as _M
             return function
 
         return remember

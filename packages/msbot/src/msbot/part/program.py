@@ -7,10 +7,12 @@ from __future__ import annotations
 
 import asyncio
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import field
 from typing import Literal
 
 from msbot.part.handler_guard import Guard, check_handler
+from msbot.part.messages.leaves import leaf_codecs
 from msbot.part.messages.message import Message
 from msbot.part.part_settings import DeclaredSetting, DeclaredSettings
 from msbot.service_types import ServiceType
@@ -153,6 +155,8 @@ class Listener:
     """The robot need not use the port."""
     safe: Message | None = None
     """The port's safe value, if the part describes itself."""
+    ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    """The least and the greatest value of fields, if the part describes itself."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -228,6 +232,7 @@ class ProgramDeclarations:
         check_handler(listener.function, "message")
         if port in self.listeners:
             raise ConfigError(f"port {port!r} has a function already: one function per port")
+        _check_ranges(port, listener)
         self.listeners[port] = listener
 
     def add_publication(self, port: str, message_class: type[Message]) -> None:
@@ -262,6 +267,21 @@ class ProgramDeclarations:
         """Call it with each port for which nobody publishes any more."""
         check_handler(function, "port")
         self.partner_lost.append(function)
+
+
+def _check_ranges(port: str, listener: Listener) -> None:
+    codecs = leaf_codecs(listener.message_class)
+    for name, ends in listener.ranges.items():
+        kind = codecs[name].kind if name in codecs else ""
+        if not kind.startswith(("int", "uint", "float")):
+            raise ConfigError(
+                f"the ranges of port {port!r}: {name!r} is no number in a {listener.message_class.__name__}"
+            )
+        if len(ends) != 2 or not -math.inf < ends[0] < ends[1] < math.inf:
+            raise ConfigError(
+                f"the ranges of port {port!r}: {name!r} needs the least and the greatest value, for example (0, 100); "
+                f"it has {ends!r}"
+            )
 
 
 def check_room(waiting: int) -> None:

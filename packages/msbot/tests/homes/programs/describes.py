@@ -14,7 +14,7 @@ part.publishes("wind", Wind)
 part.publishes("spare", Level)
 
 
-@part.on("brake", Level, safe=Level(percent=100))
+@part.on("brake", Level, safe=Level(percent=100), ranges={"percent": (0, 100)})
 def brake(level):
     print(level)
 
