@@ -167,25 +167,41 @@ class CyphalBus:
 
     def take_in(self, device: NodeDevice) -> None:
         """See `NodeBus`."""
-        for port in device.ports.subscribed:
-            if port not in device.used or port.subject is None:
-                continue
-            if others := self._subjects.others_driven_by(port.subject, device.node_id):
-                device.failed(
-                    f"nodes {device.node_id} and {others[0]} both listen to subject {port.subject}: "
-                    f"give {port.register} of one of them another, and restart it"
-                )
-                return
+        if why := self._conflict(device):
+            device.failed(why)
+            return
         if any(port.subject is None for port in device.used):
             self._begin(device.node_id, self._give_subjects(device))
             return
         self._given.pop(device.identity.unique, None)
-        try:
-            for port in device.ports.published:
-                if port in device.used:
-                    self._listen(device, port)
-        except TypeError:
-            device.failed(f"subject {port.subject} of node {device.node_id} has another data type at another node")
+        for port in device.ports.published:
+            if port in device.used:
+                self._listen(device, port)
+
+    def _conflict(self, device: NodeDevice) -> str:
+        """Why the subjects of a node are not its own; empty: they are."""
+        node_id = device.node_id
+        for port in device.used:
+            if port.subject is None:
+                continue
+            is_told = port in device.ports.subscribed
+            others = self._subjects.others("published", port.subject, node_id)
+            if is_told:
+                others += self._subjects.others("subscribed", port.subject, node_id)
+            else:
+                others = [one for one in others if not self._publishes(one, port)]
+            if others:
+                return (
+                    f"nodes {node_id} and {others[0]} both have subject {port.subject}: "
+                    f"give {port.register} of node {node_id} another, and restart it"
+                )
+        return ""
+
+    def _publishes(self, node_id: int, like: Port) -> bool:
+        """Whether a node publishes on a subject with the same data type, so that both can be heard."""
+        device = self._devices.get(node_id)
+        ports = () if device is None else device.ports.published
+        return any((one.subject, one.type_name) == (like.subject, like.type_name) for one in ports)
 
     def leave(self, device: NodeDevice) -> None:
         """See `NodeBus`."""
@@ -258,8 +274,7 @@ class CyphalBus:
         if device.identity.unique in self._given:
             device.failed(f"node {node_id} has not kept the subject that it was given in {without[0].register}")
             return
-        subjects = self._subjects.give(port.register for port in without)
-        self._subjects.uses(node_id, "given", subjects.values())
+        subjects = self._subjects.give(device.identity.unique, [port.register for port in without])
         for port in without:
             subject = subjects.get(port.register)
             answer = (

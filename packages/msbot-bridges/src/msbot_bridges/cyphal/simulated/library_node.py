@@ -90,8 +90,7 @@ class LibraryNode(ABC):
             while not self._again.is_set():
                 self.live()
                 await asyncio.sleep(PERIOD_S)
-                if self._failure is not None:
-                    raise LinkDown(f"{self._address}: {self._failure}") from self._failure
+                self._check_bus()
         finally:
             self.node.close()
             await media.closed()
@@ -103,11 +102,16 @@ class LibraryNode(ABC):
         try:
             while (given := asking.get_result()) is None:  # noqa: ASYNC110 - the library tells nobody
                 await asyncio.sleep(LOOK_S)
+                self._check_bus()
         finally:
             asking.close()
             transport.close()
             await media.closed()
         return int(given)
+
+    def _check_bus(self) -> None:
+        if self._failure is not None:
+            raise LinkDown(f"{self._address}: {self._failure}") from self._failure
 
     def _failed(self, error: Exception) -> None:
         self._failure = error
