@@ -227,13 +227,13 @@ class CyphalBus:
         self._written[device.node_id, setting.register] = value
         self._begin(device.node_id, self._write(device, setting, value))
 
+    def restart(self, node_id: int) -> None:
+        """See `NodeBus`."""
+        self._begin(node_id, self._command(node_id, RESTART, "restart"))
+
     def identify(self, node_id: int) -> None:
         """See `NodeBus`."""
-
-        async def ask() -> None:
-            await self._registers.command(node_id, IDENTIFY)
-
-        self._begin(node_id, ask())
+        self._begin(node_id, self._command(node_id, IDENTIFY, "show itself"))
 
     def news(self, device: ForeignDevice) -> None:
         """See `NodeBus`."""
@@ -294,6 +294,10 @@ class CyphalBus:
         if await self._registers.command(node_id, RESTART):
             await asyncio.sleep(RESTART_S)  # when it starts anew, this ends
         device.failed(f"node {node_id} has got subjects for its ports: switch it off and on")
+
+    async def _command(self, node_id: int, command: int, what: str) -> None:
+        if not await self._registers.command(node_id, command):
+            self._host.say(f"node {node_id} does not {what} when it is told to")
 
     async def _write(self, device: NodeDevice, setting: Setting, value: Value) -> None:
         answer = await self._registers.write(device.node_id, setting.register, setting.kind, value)

@@ -70,12 +70,19 @@ async def load_types() -> None:
                 await compiling.wait()
         if compiling.returncode:
             reason = told.decode(errors="replace").strip().rpartition("\n")[2] or f"status {compiling.returncode}"
-            raise ConfigError(f"the data types of Cyphal cannot be compiled into {folder}: {reason}")
+            raise ConfigError(
+                f"the data types of Cyphal cannot be compiled into {folder}, where a folder is needed that can be "
+                f"written ({reason})"
+            )
     await asyncio.to_thread(_import, folder)
 
 
-def compile_types(folder: Path) -> None:
+def compile_types(folder: Path, definitions: Path = DEFINITIONS) -> None:
     """Compile into a folder, which appears whole or not at all, whoever else does the same.
+
+    Args:
+        folder: where the types are to be.
+        definitions: the folder of their definitions.
 
     Raises:
         OSError: it cannot be written.
@@ -83,7 +90,7 @@ def compile_types(folder: Path) -> None:
     with _staging(folder) as staging:
         import pycyphal.dsdl
 
-        pycyphal.dsdl.compile_all([DEFINITIONS / name for name in NAMESPACES], output_directory=staging)
+        pycyphal.dsdl.compile_all([definitions / name for name in NAMESPACES], output_directory=staging)
         try:
             staging.rename(folder)
         except OSError:

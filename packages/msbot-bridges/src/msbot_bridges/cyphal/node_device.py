@@ -13,13 +13,16 @@ from collections.abc import Set as AbstractSet
 from typing import Any, Final, Protocol
 
 from msbot.part import Message
-from msbot_bridges.bridge import DeviceIdentity, DeviceOutput, ForeignDevice, Input, Report, Value
+from msbot.part.messages.standard import Text, Trigger
+from msbot_bridges.bridge import DeviceIdentity, DeviceOutput, DeviceService, ForeignDevice, Input, Report, Value
 from msbot_bridges.cyphal.node_registers import NodePorts, Port, Setting, aspects_of
 from msbot_bridges.cyphal.port_types import ENGAGED, FEEDBACK, READINESS, STANDBY, Aspect, Builtin
 from msbot_xrce.lazy import dataclass
 
 NOMINAL, WARNING = 0, 3
 OPERATIONAL: Final = 0
+RESTART: Final = "restart"
+"""A service."""
 _MODES: Final = {1: "is starting", 2: "is in maintenance", 3: "is updating its software"}
 
 
@@ -37,6 +40,9 @@ class NodeBus(Protocol):
 
     def write(self, device: NodeDevice, setting: Setting, value: Value) -> None:
         """Write a register."""
+
+    def restart(self, node_id: int) -> None:
+        """Have it restart."""
 
     def identify(self, node_id: int) -> None:
         """Have it show itself."""
@@ -63,6 +69,8 @@ class NodeDevice(ForeignDevice):
         settings: its other registers.
         bus: the way to it.
     """
+
+    services = (DeviceService(RESTART, Trigger, Text),)
 
     def __init__(
         self, identity: DeviceIdentity, node_id: int, ports: NodePorts, settings: Sequence[Setting], bus: NodeBus
@@ -150,6 +158,11 @@ class NodeDevice(ForeignDevice):
         self._last.clear()
         if self._is_in:
             self._be_ready(urgent=False)
+
+    def serve(self, name: str, request: Message) -> Message:  # noqa: ARG002 - there is one
+        """See `ForeignDevice`."""
+        self._bus.restart(self.node_id)
+        return Text(text=f"node {self.node_id} was told to restart")
 
     @property
     def not_stopped(self) -> str:

@@ -79,6 +79,7 @@ WORLD = WorldKind(
     "socketcan:can0",
     open_world,
     simulated={"range": _range, "servo": _servo},
+    numbers={"range": "org.msbot:simrange", "servo": "org.msbot:simcyphalservo"},
     fits=_fits,
     can=CLAIM,
 )

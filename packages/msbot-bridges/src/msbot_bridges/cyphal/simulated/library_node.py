@@ -100,7 +100,7 @@ class LibraryNode(ABC):
         transport = CANTransport(media, None)
         asking = Allocatee(transport, self.unique_id)
         try:
-            while (given := asking.get_result()) is None:  # noqa: ASYNC110 - the library tells nobody
+            while (given := asking.get_result()) is None:
                 await asyncio.sleep(LOOK_S)
                 self._check_bus()
         finally:
