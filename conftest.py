@@ -104,7 +104,7 @@ def _levels_of_loggers() -> Iterator[None]:
 
 
 PAGES = (
-    "blocks", "truth", "arena", "demo_pages", "time_slider", "wires_by_hand", "plots", "lessons_by_hand",
+    "blocks", "truth", "arena", "tab", "demo_pages", "time_slider", "wires_by_hand", "plots", "lessons_by_hand",
     "program_page", "german", "french", "class_room", "board_page", "hostile_names", "strangers_files",
     "describing_parts", "class_view", "held_controls", "menus", "everybody", "hand_ins_by_hand", "gallery",
     "pupils_page", "come_back", "behind_proxy", "behind_filters", "class_of_three",

@@ -5,6 +5,8 @@ from pathlib import Path
 
 import pytest
 
+from tools.tab_site import FILES, missing_files, with_robot
+
 ROOT = Path(__file__).parent.parent
 DOCS = ROOT / "docs"
 PAGES = sorted(DOCS.rglob("*.md"))
@@ -39,6 +41,28 @@ def test_the_readme_shows_the_examples_as_they_are() -> None:
     assert len(shown) == 3
     for name, code in shown:
         assert code.strip() == (ROOT / name).read_text().strip()
+
+
+def test_the_robot_in_a_tab_has_its_place_on_its_page() -> None:
+    page = with_robot((DOCS / "tutorial/try_in_this_tab.md").read_text(), 13_900_000)
+    assert '<div id="tab-robot" data-megabytes="14">' in page
+    assert all(f'"{file}"' in page for file in FILES)
+    with pytest.raises(ValueError, match="for the robot"):
+        with_robot("# A page without a robot", 1)
+
+
+def test_a_site_whose_page_does_not_find_its_files_is_noticed(tmp_path: Path) -> None:
+    page = tmp_path / "tutorial" / "page" / "index.html"
+    page.parent.mkdir(parents=True)
+    (tmp_path / "tab").mkdir()
+    for file in FILES:
+        (tmp_path / "tab" / Path(file).name).touch()
+    page.write_text('<link href="../../tab/tab.css"><script src="../../tab/tab.js"></script>')
+    assert missing_files(page) == []
+    page.write_text('<link href="../../../tab/tab.css"><script src="../../tab/tab.js"></script>')
+    assert missing_files(page) == ["../../../tab/tab.css"]
+    page.write_text("a page without them")
+    assert missing_files(page) == [*FILES]
 
 
 def words(*pages: Path) -> int:

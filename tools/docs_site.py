@@ -3,7 +3,8 @@
     .venv/bin/python tools/docs_site.py site        (or: make docs)
 
 The pages of the faces are made from `__all__` and the docstrings. They are no part of `docs/`: the handbook on a
-robot's page is for people in a classroom.
+robot's page is for people in a classroom. Nor are the files of the robot that runs in a visitor's tab
+(`tools/tab_site.py`).
 """
 
 from __future__ import annotations
@@ -18,7 +19,9 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
+from tools.assets import FetchError
 from tools.sources import PACKAGES, ROOT
+from tools.tab_site import build_tab, missing_files, with_robot
 
 FACES = {
     "msbot": "Parts in Python: what a program imports",
@@ -85,6 +88,13 @@ def main(site: str) -> int:
     (SOURCE / "docs" / "api").mkdir()
     for face in FACES:
         (SOURCE / "docs" / "api" / f"{face}.md").write_text(api_page(face), "utf-8")
+    try:
+        octets = build_tab(SOURCE / "docs" / "tab")
+    except FetchError as error:
+        sys.stderr.write(f"docs: {error}\n")
+        return 1
+    page = SOURCE / "docs" / "tutorial" / "try_in_this_tab.md"
+    page.write_text(with_robot(page.read_text("utf-8"), octets), "utf-8")
     (SOURCE / "mkdocs.yml").write_text(config(), "utf-8")
     command = [
         str(Path(sys.executable).parent / "zensical"),
@@ -98,6 +108,9 @@ def main(site: str) -> int:
     sys.stderr.write(said)
     if done.returncode or re.search(r"\bwarning\b|^griffe: ", said, re.IGNORECASE | re.MULTILINE):
         sys.stderr.write("docs: the site has warnings; they are above\n")
+        return 1
+    if missing := missing_files(SOURCE / "site" / "tutorial" / "try_in_this_tab" / "index.html"):
+        sys.stderr.write(f"docs: the page of the robot in the tab does not find {', '.join(missing)}\n")
         return 1
     shutil.rmtree(site, ignore_errors=True)
     shutil.move(SOURCE / "site", site)

@@ -133,8 +133,9 @@ def _own(name: str, version: str, wheels: list[Path]) -> Component:
 
 
 def _carried() -> Iterator[Component]:
-    """Files of others in the wheels: for the browser."""
-    for manifest in sorted((ROOT / "packages/msbot-web/src").rglob("static/*/manifest.json")):
+    """Files of others for the browser: in the wheels, and in the site of the docs."""
+    in_wheels = sorted((ROOT / "packages/msbot-web/src").rglob("static/*/manifest.json"))
+    for manifest in (*in_wheels, ROOT / "tools/tab_page/manifest.json"):
         told = json.loads(manifest.read_text("utf-8"))
         group, _, name = told["package"].rpartition("/")
         component = Component(

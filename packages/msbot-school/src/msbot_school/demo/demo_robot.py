@@ -19,6 +19,7 @@ from msbot.part.sample_parts import SAMPLE_PARTS, make_sample
 from msbot.pnp import PartEvent, PartInfo, PartState, PartStore
 from msbot.sim import SimulatedPart, make_simulator
 from msbot.sim.arena.world_connection import WorldConnection
+from msbot_agent.link import Link
 from msbot_agent.link.can import FrameTap
 from msbot_agent.link.can.protocol import NodeIds
 from msbot_agent.link.can.sim import SimBusDriver
@@ -301,12 +302,40 @@ class DemoRobot:
         if name in self._bridged:
             return False  # only the device itself can be there
         part = plug.make(Random(self._random.getrandbits(64)))
-        plug.plugged_at = self._loop.time()
-        plug.active_at = None
-        link = self._wiring.part_link(name, plug.uid)
-        plug.task = self._tasks.create_task(part.run_async(link, epoch_ns=self._epoch_ns))
+        plug.task = self._tasks.create_task(part.run_async(self._connect(plug), epoch_ns=self._epoch_ns))
         self._enter(plug)
         return True
+
+    def plug_program(self, name: str, part: Part, failed: Callable[[MsbotError], object]) -> bool:
+        """Plug in the part of somebody's own program, with the UID of its place; False: see `plug`.
+
+        Args:
+            name: the place.
+            part: what the program has made; nobody has run it yet.
+            failed: called with the program's mistake, if one ends the part; the robot goes on.
+        """
+        plug = self._plug(name)
+        if plug.part is not None or self._tasks is None:
+            return False
+        part.uid = plug.uid
+        plug.part = part
+
+        async def run(link: Link) -> None:
+            try:
+                await part.run_async(link, epoch_ns=self._epoch_ns)
+            except MsbotError as error:
+                failed(error)
+            if plug.part is part:  # it has ended by itself
+                self._wiring.pull(name)
+                plug.clear()
+
+        plug.task = self._tasks.create_task(run(self._connect(plug)))
+        return True
+
+    def _connect(self, plug: DemoPlace) -> Link:
+        plug.plugged_at = self._loop.time()
+        plug.active_at = None
+        return self._wiring.part_link(plug.name, plug.uid)
 
     def unplug(self, name: str) -> bool:
         """Pull a part out: it is off the wire and without power at once, and says no goodbye; False: it is out."""

@@ -10,7 +10,6 @@ import asyncio
 import contextlib
 import logging
 import os
-import ssl
 from collections import deque
 from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
@@ -93,6 +92,8 @@ class WebSocketClientLink(BaseLink):
         Raises:
             LinkDown: the server refuses this part, or is not a server of MsBOT; or the library is not installed.
         """
+        import ssl  # a Python in a browser has none, and all links are imported there
+
         try:
             from websockets.asyncio.client import connect
             from websockets.exceptions import InvalidHandshake, InvalidProxy, InvalidProxyStatus, InvalidStatus

@@ -1,1 +1,0 @@
-"""Cyphal (UAVCAN v1): sensors, servos and batteries as parts"""

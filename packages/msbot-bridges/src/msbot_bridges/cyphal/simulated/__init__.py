@@ -1,1 +1,0 @@
-"""Simulated Cyphal devices, nodes of the library `pycyphal`"""
