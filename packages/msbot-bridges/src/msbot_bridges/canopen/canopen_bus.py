@@ -32,7 +32,8 @@ from msbot_xrce.errors import ConfigError, LinkDown
 
 BEAT_S: Final = 0.25
 """Period of the bridge's own heartbeat."""
-CHECK_S: Final = 0.05
+CHECK_S: Final = BEAT_S
+"""So often it is looked whether the bus has ended; orders do not wait for that."""
 _NMT: Final = 0x000
 _SDO_ANSWER, SDO_REQUEST, HEARTBEAT, EMERGENCY = 0x580, 0x600, 0x700, 0x080
 _REPORTS: Final = frozenset({EMERGENCY, 0x180, 0x280, 0x380, 0x480, _SDO_ANSWER, HEARTBEAT})

@@ -17,6 +17,8 @@ from msbot_bridges.canopen.pdo_layout import distribute
 from msbot_bridges.canopen.sdo_requests import SdoRefused, SdoRequests
 
 REPORT_MS: Final = 100
+REPORTS_FOR_AN_ORDER: Final = 5
+"""So many reports of a drive later it gets the same orders again."""
 STANDS_RPM: Final = 1.0
 _TARGET_REACHED: Final = 1 << 10
 """In QUICK STOP ACTIVE this bit of the statusword says that the motor stands."""
@@ -51,6 +53,10 @@ class DriveDevice(CanopenDevice):
         self._state: DriveState | None = None
         self._statusword = 0
         self._velocity: int | None = None
+        self._sent = dict[Entry, int]()
+        """Its orders as they were sent."""
+        self._reports = 0
+        """How often it has reported since then."""
 
     def configure(self, ask: SdoRequests) -> SetUp:
         """See `CanopenDevice`."""
@@ -147,7 +153,7 @@ class DriveDevice(CanopenDevice):
             self._news(self)
         if self.is_stopping and self._stands():
             self.confirm_still()
-        self._drive()
+        self._drive(again=False)
 
     def _stands(self) -> bool:
         if self._state in POWERLESS:
@@ -166,14 +172,24 @@ class DriveDevice(CanopenDevice):
             word |= self._set_points.bits(self._statusword)
         return word
 
-    def _drive(self, *, urgent: bool = False) -> None:
-        if self.is_operational:
-            target = _TARGETS[self._mode]
-            values = {
-                objects.CONTROLWORD: self._word(),
-                objects.MODE: self._mode,
-                target: self._targets.get(target, 0),
-            }
+    def _drive(self, *, urgent: bool = False, again: bool = True) -> None:
+        """Send its orders.
+
+        Args:
+            urgent: before all other orders.
+            again: also when they are those that it has; otherwise only now and then, because a frame may get lost.
+        """
+        if not self.is_operational:
+            return
+        target = _TARGETS[self._mode]
+        values = {
+            objects.CONTROLWORD: self._word(),
+            objects.MODE: self._mode,
+            target: self._targets.get(target, 0),
+        }
+        self._reports += 1
+        if again or values != self._sent or self._reports >= REPORTS_FOR_AN_ORDER:
+            self._sent, self._reports = values, 0
             self.order(values, target, urgent=urgent)
 
     def _forget_orders(self) -> None:

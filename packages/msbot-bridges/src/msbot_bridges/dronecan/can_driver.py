@@ -23,9 +23,22 @@ class PythonCanDriver(AbstractDriver):  # type: ignore[misc]  # the library has 
     def __init__(self, bus: can.BusABC) -> None:
         super().__init__()
         self._bus, self._sender = bus, FrameSender(bus)
+        self._waiting: CANFrame | None = None
+
+    def wait(self, timeout: float) -> bool:
+        """Wait for a frame, which `receive` gives then; False: none has come in `timeout` seconds."""
+        if self._waiting is None:
+            self._waiting = self._received(timeout)
+        return self._waiting is not None
 
     def receive(self, timeout: float | None = None) -> CANFrame | None:
         """The next frame with a 29-bit identifier, or None after `timeout` seconds."""
+        if (waiting := self._waiting) is not None:
+            self._waiting = None
+            return waiting
+        return self._received(timeout)
+
+    def _received(self, timeout: float | None) -> CANFrame | None:
         until = None if timeout is None else time.monotonic() + timeout
         while True:
             left = None if until is None else max(0.0, until - time.monotonic())

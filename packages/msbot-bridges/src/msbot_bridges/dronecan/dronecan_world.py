@@ -31,7 +31,10 @@ OWN_ID = 126
 LISTEN_S = 1.5
 """So long a node is listened to before it is known what it sends: range finders may be slow."""
 REPEAT_S = 0.1
-SPIN_S = 0.01
+WAIT_S = 0.01
+"""Longest wait for a frame: so long an order may take."""
+SPIN_S = 0.05
+"""Without frames the library's timers are looked at so often."""
 MOST_SETTINGS = 60
 """Parameters read of one node; a description has no room for more."""
 WRITE_TIMES = 3
@@ -90,8 +93,9 @@ class DronecanWorld(World):
         bus = open_bus(self._address)
         info = uavcan.protocol.GetNodeInfo.Response()
         info.name = "org.msbot.bridge"
+        driver = PythonCanDriver(bus)
         node = self._node = dronecan.node.Node(
-            PythonCanDriver(bus), OWN_ID, node_info=info, mode=uavcan.protocol.NodeStatus().MODE_OPERATIONAL
+            driver, OWN_ID, node_info=info, mode=uavcan.protocol.NodeStatus().MODE_OPERATIONAL
         )
         try:
             monitor = NodeMonitor(node)
@@ -105,10 +109,13 @@ class DronecanWorld(World):
                     message_type = getattr(message_type, word)
                 node.add_handler(message_type, lambda event, kind=kind: self._heard(kind, event))
             node.periodic(REPEAT_S, self._drive)
+            spin_at = 0.0
             while not self._thread.is_ended:
                 self._thread.work()
-                node.spin(SPIN_S)
-                self._finish()
+                if driver.wait(WAIT_S) or time.monotonic() >= spin_at:
+                    spin_at = time.monotonic() + SPIN_S
+                    node.spin(0)
+                    self._finish()
             self._drive()
         except (DriverError, can.CanError) as error:
             raise LinkDown(f"{self._address}: {error}") from error
