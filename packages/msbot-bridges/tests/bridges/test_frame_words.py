@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import pytest
 
+from msbot.cli.bus.foreign_frames import foreign_words
 from msbot.cli.bus.frame_words import listener_for
+from msbot.cli.bus.load import WhoSays
 from msbot_agent.link.can.protocol import Frame
 
 
@@ -21,7 +23,9 @@ from msbot_agent.link.can.protocol import Frame
         (0x585, "4318100177000000", "CANopen SDO answer of node 5: has read 0x1018:01"),
         (0x585, "8000200000000206", "CANopen SDO answer of node 5: abort 0x2000:00 (0x06020000)"),
         (0x705, "7F", "CANopen heartbeat of node 5: PRE-OPERATIONAL"),
-        (0x7E5, "0400000000000000", "foreign"),
+        (0x7E5, "5100000000800000", "CANopen LSS request: fastscan"),
+        (0x7E4, "4F00000000000000", "CANopen LSS answer: it is me"),
+        (0x7E5, "04", "foreign"),
     ],
 )
 def test_frames_of_canopen(can_id: int, data: str, words: str) -> None:
@@ -48,3 +52,20 @@ def test_frames_of_dronecan(can_id: int, data: str, words: str) -> None:
 def test_mistakes_on_the_bus_are_no_frames_of_another_world() -> None:
     told = listener_for(None, legacy=False).explain_frame(Frame(0x008, b""), 0.0)
     assert "STOP" in told.protocol[0]
+
+
+def test_the_load_of_a_bus_names_others_where_no_master_of_msbot_is() -> None:
+    who = WhoSays(foreign_words())
+    report, heartbeat = Frame(0x185, b"\0"), Frame(0x705, b"\x05")
+    status = Frame(0x1001552A, bytes.fromhex("00000000000000C0"), extended=True)
+    who.hear(report)
+    assert who.name(report) == "master to node 5"
+    for frame in (heartbeat, status):
+        who.hear(frame)
+    assert [who.name(one) for one in (report, heartbeat, status)] == [
+        "CANopen TPDO 1 of node 5",
+        "CANopen heartbeat of node 5",
+        "DroneCAN node 42: NodeStatus",
+    ]
+    who.hear(Frame(0x700, b"\1"))  # BEACON
+    assert who.name(report) == "master to node 5"

@@ -2,25 +2,30 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 from pathlib import Path
+from uuid import uuid4
 
 import pytest
-from click.testing import CliRunner
+from click.testing import CliRunner, Result
 
 from msbot.cli.blueprint.files import check_command
 from msbot.cli.bus.bus_commands import command as bus_command
 from msbot.config import SAMPLE_ROBOT_TOML, BridgeTable
 from msbot_agent.link.can.protocol import CanIds
-from msbot_agent.link.can.protocol.ids import Assign, assign_frame, join_frame
-from msbot_bridges.bridge import CanClaim, Identifiers, worlds
-from msbot_bridges.canbus import OnBus, check_one_bus, robot_on_bus
+from msbot_agent.link.can.protocol.ids import Assign, Beacon, assign_frame, beacon_frame, join_frame
+from msbot_bridges.bridge import BridgeLink, BridgeTraffic, CanClaim, Identifiers, WorldKind, worlds
+from msbot_bridges.canbus import OnBus, check_one_bus, open_bus, robot_on_bus
 from msbot_bridges.cli.bridge_command import command as bridge_command
 from msbot_bridges.cli.bridge_runner import RUNNER
 from msbot_xrce.errors import ConfigError
+from tests.bridges.hosts import running
 
 pytest.importorskip("canopen")
 pytest.importorskip("dronecan")
+
+import can
 
 CAN0 = "socketcan:can0?bitrate=500000"
 
@@ -123,3 +128,48 @@ def test_the_forecast_has_the_buses_of_bridges(tmp_path: Path) -> None:
     (bus,) = json.loads(CliRunner().invoke(bus_command, ["load", path, "--json"]).output)["bridge_buses"]
     assert (bus["worlds"], bus["devices"]) == (["canopen", "dronecan"], 3)
     assert 1 < bus["load_percent"] < 20
+
+
+APART = WorldKind(
+    "a world that may share the bus of the robot's parts",
+    "msbot:x",
+    lambda _: None,  # type: ignore[arg-type,return-value]
+    can=CanClaim((Identifiers("all", 0x400, 0x6FF),), traffic=(BridgeTraffic("reports", 0x400, 8, 600),)),
+)
+
+
+def test_the_load_of_a_shared_bus_has_the_robots_own_parts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("msbot_bridges.cli.bridge_runner.worlds", lambda: {"apart": APART, **worlds()})
+
+    def check(rate: int, link: str) -> Result:
+        path = blueprint(tmp_path, f'world = "apart"\nlink = "msbot:x?bitrate={rate}"')
+        return CliRunner().invoke(check_command, [path, "--link", link])
+
+    told = check(50_000, "sim:x")
+    assert "apart and the robot's own parts on msbot:x?bitrate=50000: about" in str(told.exception)
+    assert "does not fit the bus: use more bits a second" in str(told.exception)
+    (alone,) = [line for line in check(80_000, "sim:y").output.splitlines() if "apart" in line]
+    assert alone.startswith("hint: apart on msbot:x?bitrate=80000: about 8")
+    assert "apart" not in check(500_000, "sim:x").output
+
+
+def test_an_adapter_with_two_names_is_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("os.path.realpath", lambda path: path.replace("by-id/acme", "ttyACM0"))
+    with pytest.raises(ConfigError, match="are on one bus"):
+        RUNNER.check([BridgeTable("canopen", "slcan:/dev/by-id/acme")], ["can:slcan:/dev/ttyACM0"])
+
+
+@pytest.mark.parametrize("world", ["canopen", "dronecan"])
+async def test_who_is_on_the_wire_by_another_adapter_is_noticed(world: str) -> None:
+    link = BridgeLink(f"msbot:{uuid4().hex[:12]}")
+    kind = worlds()[world]
+    async with running(kind.open(link)) as one, running(kind.open(link)) as other:
+        for host in (one, other):
+            assert "somebody else on this bus is node 12" in await host.said.get()
+        with open_bus(link.address) as bus:
+            beacon = beacon_frame(Beacon(0, 7, 9), CanIds())
+            for _ in range(2):
+                message = can.Message(arbitration_id=beacon.can_id, data=beacon.data, is_extended_id=False)
+                await asyncio.to_thread(bus.send, message)
+            assert "parts of MsBOT are on this bus, too" in await one.said.get()
+        assert one.said.empty(), "it is said once"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Sequence
 from itertools import combinations
 from typing import Final
@@ -35,7 +36,8 @@ class OnBus:
         if scheme.lower() == "sim":
             return "msbot", rest.partition("?")[0]
         interface, _, channel = self._target.partition(":")
-        return interface.lower(), channel
+        # One adapter may have several names: /dev/ttyACM0, /dev/serial/by-id/...
+        return interface.lower(), os.path.realpath(channel) if channel.startswith("/dev/") else channel
 
     @property
     def bitrate(self) -> int | None:

@@ -20,7 +20,7 @@ from canopen.sdo import SdoAbortedError, SdoCommunicationError
 
 import can
 from msbot_bridges.bridge import WorldThread
-from msbot_bridges.canbus import FrameSender, open_bus
+from msbot_bridges.canbus import BEACON_ID, FrameSender, Neighbours, open_bus
 from msbot_bridges.canopen.canopen_device import OPERATIONAL, OWN_ID, CanopenDevice
 from msbot_bridges.canopen.eds_folder import EdsFolder
 from msbot_bridges.canopen.lss import ANSWER_ID, REQUEST_ID
@@ -109,9 +109,12 @@ class CanopenBus:
         address: `INTERFACE:CHANNEL[?bitrate=N]` of python-can.
         folder: EDS files.
         heard: called in the event loop with the identifier and data of each frame of a node.
+        say: called there with what a person should know.
     """
 
-    def __init__(self, address: str, folder: EdsFolder, heard: Callable[[int, bytes], None]) -> None:
+    def __init__(
+        self, address: str, folder: EdsFolder, heard: Callable[[int, bytes], None], say: Callable[[str], None]
+    ) -> None:
         self._address, self._folder, self._heard_in_loop = address, folder, heard
         self._network: BridgeNetwork | None = None
         self._reading = dict[int, CanopenDevice]()
@@ -119,6 +122,7 @@ class CanopenBus:
         """Nodes with PDOs that need SYNC."""
         self._other_sync_at = -OTHER_SYNC_S
         self._orders = WorldThread(f"CANopen on {address}")
+        self._neighbours = Neighbours(address, f"node {OWN_ID}", lambda words: self._orders.tell(partial(say, words)))
         self._questions = WorldThread(f"questions on {address}")
         self._is_open = asyncio.Event()
 
@@ -295,7 +299,11 @@ class CanopenBus:
             self._questions.wait(1.0)
 
     def _hear(self, can_id: int, data: bytes) -> None:
-        if can_id == SYNC_ID:
+        if can_id == BEACON_ID:
+            self._neighbours.standard(can_id, data)
+        elif can_id == HEARTBEAT + OWN_ID:
+            self._neighbours.own()
+        elif can_id == SYNC_ID:
             self._other_sync_at = time.monotonic()
         elif can_id == ANSWER_ID or (can_id & 0x780 in _REPORTS and can_id & 0x7F not in (0, OWN_ID)):
             self._orders.tell(partial(self._heard_in_loop, can_id, data))

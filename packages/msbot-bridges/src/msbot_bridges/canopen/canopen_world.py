@@ -79,7 +79,7 @@ class CanopenWorld(World):
     async def run(self, host: WorldHost) -> None:
         """See `World`."""
         self._host, self._loop = host, asyncio.get_running_loop()
-        bus = self._bus = CanopenBus(self._address, self._folder, self._heard)
+        bus = self._bus = CanopenBus(self._address, self._folder, self._heard, host.say)
         tasks = [asyncio.create_task(bus.run()), asyncio.create_task(self._watch())]
         if self._gives_ids:
             tasks.append(asyncio.create_task(self._give_ids()))

@@ -27,6 +27,17 @@ _SERVICES: Final = {
     0x580: "SDO answer of",
     0x600: "SDO request to",
 }
+_LSS: Final = {0x7E4: "answer", 0x7E5: "request"}
+_LSS_COMMANDS: Final = {
+    0x04: "switch state",
+    0x11: "node id",
+    0x13: "bit timing",
+    0x15: "activate bit timing",
+    0x17: "store",
+    0x4F: "it is me",
+    0x51: "fastscan",
+    0x5E: "which node id",
+}
 _SDO: Final = {0x20: "writes", 0x40: "reads", 0x60: "has written", 0x80: "abort", 0xC0: "block"}
 
 
@@ -44,6 +55,8 @@ def words(frame: Frame) -> str:
         return "CANopen SYNC"
     if frame.can_id == 0x100:
         return "CANopen TIME"
+    if frame.can_id in _LSS and len(data) == 8:
+        return f"CANopen LSS {_LSS[frame.can_id]}: {_LSS_COMMANDS.get(data[0], f'command {data[0]}')}"
     if node == 0:
         return ""
     if service == 0x080 and len(data) == 8:

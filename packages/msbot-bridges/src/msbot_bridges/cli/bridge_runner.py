@@ -46,8 +46,9 @@ class BlueprintBridges:
         except ConfigError as error:
             raise ConfigError(f"[[bridge]]: {error}") from error
 
-    def buses(self, bridges: Sequence[BridgeTable]) -> list[BridgeBus]:
+    def buses(self, bridges: Sequence[BridgeTable], links: Sequence[str] = ()) -> list[BridgeBus]:
         """See `BridgeRunner`."""
+        robots = {one.bus: one for link in links if (one := robot_on_bus(link)) is not None}
         devices = {(table.world, table.link): len(table.simulate) for table in bridges}
         by_bus: dict[tuple[str, str], list[OnBus]] = {}
         for one in _on_buses(bridges):
@@ -59,9 +60,10 @@ class BlueprintBridges:
                 sum(_devices(one, devices) for one in together),
                 sum(one.claim.frames_per_s(_devices(one, devices)) for one in together),
                 sum(one.claim.bits_per_s(_devices(one, devices)) for one in together),
-                next((one.bitrate for one in together if one.bitrate), None),
+                next((one.bitrate for one in (*together, *filter(None, [robots.get(bus)])) if one.bitrate), None),
+                bus in robots,
             )
-            for together in by_bus.values()
+            for bus, together in by_bus.items()
         ]
 
     def devices(self, bridges: Sequence[BridgeTable]) -> list[DeviceProcess]:

@@ -6,6 +6,7 @@ Its own driver takes frames with 11-bit identifiers for its own, and waits for a
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 
 from dronecan.driver.common import AbstractDriver, CANFrame, DriverError
 
@@ -18,10 +19,12 @@ class PythonCanDriver(AbstractDriver):  # type: ignore[misc]  # the library has 
 
     Args:
         bus: it is closed with this.
+        standard: called with each data frame that has an 11-bit identifier, and so is none of DroneCAN.
     """
 
-    def __init__(self, bus: can.BusABC) -> None:
+    def __init__(self, bus: can.BusABC, standard: Callable[[int, bytes], None] = lambda _id, _data: None) -> None:
         super().__init__()
+        self._standard = standard
         self._bus, self._sender = bus, FrameSender(bus)
         self._waiting: CANFrame | None = None
 
@@ -45,7 +48,10 @@ class PythonCanDriver(AbstractDriver):  # type: ignore[misc]  # the library has 
             message = self._bus.recv(left)
             if message is None:
                 return None
-            if message.is_extended_id and not (message.is_error_frame or message.is_remote_frame):
+            is_data = not (message.is_error_frame or message.is_remote_frame)
+            if is_data and not message.is_extended_id:
+                self._standard(message.arbitration_id, bytes(message.data))
+            elif is_data:
                 now = time.monotonic()
                 frame = CANFrame(
                     message.arbitration_id, bytes(message.data), True, ts_monotonic=now, ts_real=message.timestamp

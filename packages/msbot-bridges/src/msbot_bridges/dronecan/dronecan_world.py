@@ -19,7 +19,7 @@ from dronecan.driver.common import DriverError
 
 import can
 from msbot_bridges.bridge import DeviceIdentity, DeviceSetting, World, WorldHost, WorldThread
-from msbot_bridges.canbus import open_bus
+from msbot_bridges.canbus import Neighbours, open_bus
 from msbot_bridges.dronecan.can_driver import PythonCanDriver
 from msbot_bridges.dronecan.node_device import KINDS, NodeDevice
 from msbot_bridges.dronecan.node_ids import NodeIdAllocator
@@ -93,7 +93,8 @@ class DronecanWorld(World):
         bus = open_bus(self._address)
         info = uavcan.protocol.GetNodeInfo.Response()
         info.name = "org.msbot.bridge"
-        driver = PythonCanDriver(bus)
+        self._neighbours = Neighbours(self._address, f"node {OWN_ID}", self._say)
+        driver = PythonCanDriver(bus, self._neighbours.standard)
         node = self._node = dronecan.node.Node(
             driver, OWN_ID, node_info=info, mode=uavcan.protocol.NodeStatus().MODE_OPERATIONAL
         )
@@ -181,6 +182,8 @@ class DronecanWorld(World):
                 self._thread.tell(partial(self._host.found, device))
 
     def _status(self, event: Any) -> None:  # noqa: ANN401
+        if event.transfer.source_node_id == OWN_ID:
+            self._neighbours.own()
         known, status = self._nodes.get(event.transfer.source_node_id), event.message
         if known is None:
             return

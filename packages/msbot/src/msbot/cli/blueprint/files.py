@@ -40,8 +40,8 @@ def check_command(blueprint: Path, folders: tuple[Path, ...], links: tuple[str, 
         robot, library = open_blueprint(blueprint, *folders)
         for link in links:
             open_link(link, serve=True, can=CAN)
-        _check_bridges(blueprint, robot, links)
-    told = hints(robot, library)
+        crowded = _check_bridges(blueprint, robot, library, links)
+    told = hints(robot, library) + crowded
     if as_json:
         click.echo(json.dumps({"problems": [], "hints": told}))
         return
@@ -50,14 +50,20 @@ def check_command(blueprint: Path, folders: tuple[Path, ...], links: tuple[str, 
     click.echo(f"{blueprint} is in order: {_counted(robot)}.")
 
 
-def _check_bridges(path: Path, robot: Blueprint, links: tuple[str, ...]) -> None:
-    """As `msbot master` does; a mistake is one of the file."""
+def _check_bridges(path: Path, robot: Blueprint, library: Library, links: tuple[str, ...]) -> list[str]:
+    """As `msbot master` does, and whether their buses have room; a mistake is one of the file. Returns hints."""
+    if not robot.bridges:
+        return []
+    from msbot.cli.bus.load import crowded_buses
+
     try:
         check_bridges(robot, links)
+        return crowded_buses(robot, library, links)
     except ConfigError as error:
         problems = Problems()
         problems.add(FileLocation(str(path), path=("bridge",)), str(error).removeprefix("[[bridge]]: "))
         problems.raise_if_any()
+        raise
 
 
 def hints(blueprint: Blueprint, library: Library) -> list[str]:

@@ -11,8 +11,9 @@ from pathlib import Path
 from typing import Final
 
 from msbot.cli.bus.bus_source import Listening, open_bus
+from msbot.cli.bus.foreign_frames import foreign_words
 from msbot.cli.run.bridges_beside import BridgeBus, bridge_buses
-from msbot.config import Blueprint, open_blueprint
+from msbot.config import Blueprint, Library, open_blueprint
 from msbot.pnp import Flow, Forecast, forecast
 from msbot_agent.link.can.protocol import (
     NODES,
@@ -90,6 +91,33 @@ def _bridge_words(one: BridgeBus, otherwise: int) -> str:
         f"{one.frames_per_s:.0f} frames/s, {load:.1%} of {bitrate / 1000:g} kbit/s"
     )
     return f"{words}; that does not fit the bus." if load > 1 else f"{words}."
+
+
+def crowded_buses(blueprint: Blueprint, library: Library, links: Sequence[str]) -> list[str]:
+    """The buses of bridges that are busy nearly all the time; the robot's own parts count where they share one.
+
+    Args:
+        blueprint: names the bridges.
+        library: the robot's part types.
+        links: where its own parts come in.
+
+    Raises:
+        ConfigError: what is to be sent does not fit a bus.
+    """
+    told = []
+    for one in bridge_buses(blueprint, links):
+        if one.bitrate is None:
+            continue  # nobody has said how fast it is
+        load, who = one.bits_per_s / one.bitrate, [*one.worlds]
+        if one.is_shared:
+            load += forecast(blueprint, library, Framing(False, False, compress)).load(one.bitrate)
+            who.append("the robot's own parts")
+        words = f"{' and '.join(who)} on {one.address}: about {load:.0%} of {one.bitrate / 1000:g} kbit/s"
+        if load > 1:
+            raise ConfigError(f"{words}; that does not fit the bus: use more bits a second, or another bus")
+        if load > FULL:
+            told.append(f"{words}; that leaves too little room for frames that are sent again")
+    return told
 
 
 def _table(blueprint: Blueprint, found: Forecast, bus: Bus) -> list[str]:
@@ -179,6 +207,37 @@ MOST_ROWS: Final = 16
 """Most identifiers shown for a second; the rest is summed up."""
 
 _IDS = CanIds()
+FOREIGN: Final = "foreign"
+
+
+class WhoSays:
+    """Who sends frames with an identifier.
+
+    Other equipment may have the identifiers of MsBOT's parts, but not on one bus with them. So what else is heard there
+    decides: only a master of MsBOT sends BEACON, and only others send frames that are none of MsBOT's.
+
+    Args:
+        foreign: what a frame of other equipment says; empty: it is not known.
+    """
+
+    def __init__(self, foreign: Callable[[Frame], str]) -> None:
+        self._foreign = foreign
+        self._has_master = self._has_others = False
+
+    def hear(self, frame: Frame) -> None:
+        """A frame of an identifier that was not heard before, or again after a second."""
+        said = who_says(frame)
+        self._has_master |= said == "BEACON"
+        self._has_others |= said == FOREIGN and bool(self._foreign(frame))
+
+    def name(self, frame: Frame) -> str:
+        """In a few words."""
+        said = who_says(frame)
+        if said == FOREIGN or (self._has_others and not self._has_master):
+            words = self._foreign(frame)
+            # The identifier decides what comes before the mark; the data of each frame, what comes behind it.
+            return words.partition(", " if frame.extended else ":")[0] or said
+        return said
 
 
 @dataclass(slots=True)
@@ -186,6 +245,8 @@ class Traffic:
     """What was heard of one identifier."""
 
     who: str
+    frame: Frame | None = None
+    """One of its frames."""
     frames: int = 0
     bits: int = 0
     busy_s: float = 0.0
@@ -195,6 +256,7 @@ class Traffic:
 class Second:
     """What was heard in one second."""
 
+    who: WhoSays = field(default_factory=lambda: WhoSays(lambda _: ""))
     by_id: dict[str, Traffic] = field(default_factory=dict)
     """By identifier as it is written: 3 hexadecimal digits, 8 for an extended one."""
     uncounted: int = 0
@@ -210,10 +272,17 @@ class Second:
         digits = f"{frame.can_id:08X}" if frame.extended else f"{frame.can_id:03X}"
         traffic = self.by_id.get(digits)
         if traffic is None:
-            traffic = self.by_id[digits] = Traffic(who_says(frame))
+            self.who.hear(frame)
+            traffic = self.by_id[digits] = Traffic(who_says(frame), frame)
         traffic.frames += 1
         traffic.bits += sum(length)
         traffic.busy_s += length.seconds(bitrate, data_bitrate)
+
+    def name_all(self) -> None:
+        """Say who has sent what was heard."""
+        for traffic in self.by_id.values():
+            assert traffic.frame is not None
+            traffic.who = self.who.name(traffic.frame)
 
     def total(self) -> Traffic:
         """All identifiers together."""
@@ -236,7 +305,7 @@ def who_says(frame: Frame) -> str:
             return "BEACON" if frame.can_id == _IDS.beacon else "STOP"
     elif is_joining(frame, _IDS):
         return "joining"
-    return "foreign"
+    return FOREIGN
 
 
 def show_load(
@@ -283,7 +352,8 @@ async def _main(
     if fast is not None and fast < bitrate:
         raise ConfigError(f"--data-bitrate {fast} is below the nominal bit rate {bitrate}")
     listening = Listening(bus, complain)
-    second = Second()
+    who = WhoSays(foreign_words())
+    second = Second(who)
     listening.on_frame(lambda frame, _at: second.add(frame, bitrate, fast))
 
     async def report() -> None:
@@ -291,7 +361,7 @@ async def _main(
         await listening.opened.wait()
         loop = asyncio.get_running_loop()
         started_at = began_at = loop.time()
-        second = Second()
+        second = Second(who)
         number = 0
         while seconds is None or number < seconds:
             # A second that has passed while the loop stood still is not told: what came then was not read in time. It
@@ -300,7 +370,8 @@ async def _main(
             number = max(number + 1, ceil(passed + 0.5))
             await asyncio.sleep(started_at + number * WINDOW_S - loop.time())
             now = loop.time()
-            heard, second = second, Second()
+            heard, second = second, Second(who)
+            heard.name_all()
             tell(now - started_at, now - began_at, heard, bitrate)
             began_at = now
 

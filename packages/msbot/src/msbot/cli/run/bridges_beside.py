@@ -29,6 +29,8 @@ class BridgeBus:
     bits_per_s: float
     bitrate: int | None
     """None: the address does not say."""
+    is_shared: bool = False
+    """The robot's own parts are on it, too."""
 
 
 class PluggableDevice(Protocol):
@@ -68,8 +70,8 @@ class BridgeRunner(Protocol):
             ConfigError: the text says what would be right.
         """
 
-    def buses(self, bridges: Sequence[BridgeTable]) -> Sequence[BridgeBus]:
-        """The CAN buses of these bridges."""
+    def buses(self, bridges: Sequence[BridgeTable], links: Sequence[str] = ()) -> Sequence[BridgeBus]:
+        """The CAN buses of these bridges; `links` is where the robot's own parts come in."""
 
     def devices(self, bridges: Sequence[BridgeTable]) -> Sequence[PluggableDevice]:
         """The simulated devices of these bridges, for `coroutines`; in an event loop."""
@@ -105,13 +107,17 @@ def check_bridges(blueprint: Blueprint, links: Sequence[str] = ()) -> None:
         _runner().check(blueprint.bridges, links)
 
 
-def bridge_buses(blueprint: Blueprint) -> Sequence[BridgeBus]:
+def bridge_buses(blueprint: Blueprint, links: Sequence[str] = ()) -> Sequence[BridgeBus]:
     """The CAN buses on which the bridges of a blueprint have devices.
+
+    Args:
+        blueprint: names them.
+        links: where the robot's own parts come in.
 
     Raises:
         ConfigError: a bridge cannot run; the text says what would be right.
     """
-    return _runner().buses(blueprint.bridges) if blueprint.bridges else ()
+    return _runner().buses(blueprint.bridges, links) if blueprint.bridges else ()
 
 
 def simulated_devices(blueprint: Blueprint) -> Sequence[PluggableDevice]:
