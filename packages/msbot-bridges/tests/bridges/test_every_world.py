@@ -66,8 +66,9 @@ class Robot:
 
 
 @asynccontextmanager
-async def robot_with(folder: Path, bridge: BridgeTable) -> AsyncIterator[Robot]:
-    (folder / "robot.toml").write_text(SAMPLE_ROBOT_TOML)
+async def robot_with(folder: Path, bridge: BridgeTable, more: str = "") -> AsyncIterator[Robot]:
+    """The sample robot, and what else the blueprint has."""
+    (folder / "robot.toml").write_text(SAMPLE_ROBOT_TOML + more)
     blueprint, library = await asyncio.to_thread(open_blueprint, folder / "robot.toml")
     registry = await asyncio.to_thread(open_registry, folder / "robot.db")
     loop = asyncio.get_running_loop()

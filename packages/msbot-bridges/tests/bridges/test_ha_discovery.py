@@ -21,7 +21,8 @@ from msbot.part.messages.standard import (
     Trigger,
     Weight,
 )
-from msbot_bridges.mqtt.device_model import CommandPort, DeviceModel
+from msbot_bridges.bridge import DeviceSetting, Value
+from msbot_bridges.mqtt.device_model import CommandPort, DeviceModel, SettingTopic
 from msbot_bridges.mqtt.ha_discovery import HaDiscovery
 
 DEVICE = {"ids": ["x1"], "mf": "ACME", "mdl": "box", "sw": "2", "name": "Box"}
@@ -114,7 +115,7 @@ def test_what_esphome_publishes_is_a_part() -> None:
     assert strip.is_safe('{"state": "OFF", "color_mode": "rgb", "brightness": 128}') is True
     assert model.readings[2].read('{"state":"ON","brightness":51}') == Level(percent=20)
     assert [life.read(text) for life in model.life for text in ("online", "offline", "?")] == [True, False, None]
-    assert model.left_out == ("Restart: it configures the device, and nobody drives that from a robot",)
+    assert model.left_out == ("Restart: a button that configures the device is no setting here",)
 
 
 def test_a_device_message_declares_all_its_components() -> None:
@@ -234,3 +235,67 @@ def test_a_device_of_a_thousand_entities_becomes_a_part_of_a_few_ports() -> None
     assert model is not None
     assert len(model.readings) == 24
     assert len(model.left_out) == 976
+
+
+def setting(component: str, **config: Any) -> SettingTopic:
+    (found,) = one(component, ent_cat="config", cmd_t="c", stat_t="s", **config).settings
+    return found
+
+
+@pytest.mark.parametrize(
+    ("component", "config", "declared", "payload", "value", "order"),
+    [
+        (
+            "number",
+            {"min": 0, "max": 5, "step": 0.5, "unit_of_meas": "s"},
+            DeviceSetting("thing", float, 0, 0, 5, "s"),
+            "2.5",
+            2.5,
+            "2.5",
+        ),
+        ("number", {"min": 1, "max": 9}, DeviceSetting("thing", int, 0, 1, 9), "4.0", 4, "4"),
+        ("switch", {}, DeviceSetting("thing", bool, default=False), "ON", True, "ON"),
+        ("switch", {"pl_off": "0", "pl_on": "1"}, DeviceSetting("thing", bool, default=False), "0", False, "0"),
+        ("select", {"options": ["a", "b"]}, DeviceSetting("thing", str, "", choices=("a", "b")), "b", "b", "b"),
+        ("text", {"cmd_tpl": '{"t": "{{ value }}"}'}, DeviceSetting("thing", str, ""), "hi", "hi", '{"t": "hi"}'),
+    ],
+)
+def test_what_configures_a_device_is_a_setting(
+    component: str, config: dict[str, Any], declared: DeviceSetting, payload: str, value: Value, order: str
+) -> None:
+    found = setting(component, **config)
+    assert found.setting == declared
+    assert found.topic == "s"
+    assert found.read(payload) == value
+    assert [(one.topic, one.payload) for one in found.orders(value)] == [("c", order)]
+
+
+def test_a_value_that_a_setting_does_not_have_is_none() -> None:
+    assert setting("select", options=["a", "b"]).read("c") is None
+    assert setting("switch").read("maybe") is None
+    assert setting("number").read("nan") is None
+
+
+@pytest.mark.parametrize(
+    ("component", "config", "words"),
+    [
+        ("number", {"cmd_t": "c"}, "has no state_topic: nobody sees what it is set to"),
+        ("light", {"cmd_t": "c", "stat_t": "s"}, "a light that configures the device is no setting here"),
+        ("select", {"cmd_t": "c", "stat_t": "s"}, "a select without options"),
+        ("number", {"cmd_t": "c", "stat_t": "s", "min": 9, "max": 1}, "its range is empty"),
+    ],
+)
+def test_what_becomes_no_setting_is_named_with_the_reason(component: str, config: dict[str, Any], words: str) -> None:
+    model = one(component, ent_cat="config", **config)
+    assert not model.settings
+    assert words in model.left_out[0]
+
+
+def test_another_safe_value_is_confirmed_by_the_state_only() -> None:
+    model = one("light", cmd_t="c", stat_t="s", schema="json", brightness=True)
+    command = model.commands[0].stopping_at(Level(percent=20), model.readings)
+    assert [order.payload for order in command.stop] == ['{"state": "ON", "brightness": 51}']
+    told = ('{"state": "ON", "brightness": 51}', '{"state": "OFF"}', '{"state": "ON", "brightness": 60}', "?")
+    assert [command.is_safe(text) for text in told] == [True, False, False, None]
+    blind = one("light", cmd_t="c", schema="json", brightness=True)
+    assert not blind.commands[0].stopping_at(Level(percent=20), ()).state_topic

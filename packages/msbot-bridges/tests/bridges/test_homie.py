@@ -9,6 +9,7 @@ import pytest
 
 from msbot import Message
 from msbot.part.messages.standard import Angle, Colour, Count, Distance, Level, Number, Switch, Text, Trigger
+from msbot_bridges.bridge import DeviceSetting, Value
 from msbot_bridges.mqtt.device_model import DeviceModel, PortNames
 from msbot_bridges.mqtt.homie4 import Homie4
 from msbot_bridges.mqtt.homie5 import Homie5
@@ -134,3 +135,29 @@ def test_an_event_is_triggered_and_a_word_must_be_one_of_the_choices() -> None:
     _, (command,) = homie_ports(mode, PortNames())
     assert command.orders(Text(text="fast"))[0].payload == "fast"
     assert command.orders(Text(text="backwards")) == ()
+
+
+@pytest.mark.parametrize(
+    ("told", "declared", "payload", "value", "order"),
+    [
+        ({"datatype": "boolean"}, DeviceSetting("one", bool, default=False), "true", True, "true"),
+        ({"datatype": "integer", "format": "1:9"}, DeviceSetting("one", int, 0, 1, 9), "4", 4, "4"),
+        ({"datatype": "float", "unit": "s"}, DeviceSetting("one", float, 0, unit="s"), "0.5", 0.5, "0.5"),
+        ({"datatype": "enum", "format": "a,b"}, DeviceSetting("one", str, "", choices=("a", "b")), "b", "b", "b"),
+    ],
+)
+def test_what_a_settings_node_has_is_a_setting(
+    told: dict[str, Any], declared: DeviceSetting, payload: str, value: Value, order: str
+) -> None:
+    model = described(nodes={"settings": {"properties": {"one": {"settable": True, **told}}}})
+    (found,) = model.settings
+    assert (found.setting, found.topic) == (declared, "homie/5/arm1/settings/one")
+    assert found.read(payload) == value
+    assert found.read("?") is None
+    assert [(one.topic, one.payload) for one in found.orders(value)] == [("homie/5/arm1/settings/one/set", order)]
+
+
+def test_what_nobody_can_set_is_no_setting() -> None:
+    model = described(nodes={"config": {"properties": {"one": {"datatype": "float"}}}})
+    assert not model.settings
+    assert "one: a setting is settable, retained" in model.left_out[0]

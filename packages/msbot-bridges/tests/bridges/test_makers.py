@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import AsyncExitStack, asynccontextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -11,6 +11,7 @@ from uuid import uuid4
 
 import pytest
 
+from msbot.cli.run.bridges_beside import PluggableDevice
 from msbot.config import Blueprint, BridgeTable, Library, load_library, open_blueprint, read_description
 from msbot.master import Master
 from msbot.operations.dispatch import InProcessOperations
@@ -41,8 +42,10 @@ LAMP = "simulated:lamp"
 class Robot:
     """The robot, its master and bridges in this process."""
 
-    def __init__(self, master: Master, operations: InProcessOperations, bus: str) -> None:
-        self.master, self.do, self.bus = master, operations.do, bus
+    def __init__(
+        self, master: Master, operations: InProcessOperations, bus: str, devices: Sequence[PluggableDevice]
+    ) -> None:
+        self.master, self.do, self.bus, self.devices = master, operations.do, bus, devices
 
     def part(self, number: str) -> PartInfo | None:
         now = asyncio.get_running_loop().time()
@@ -76,11 +79,12 @@ async def makers(folder: Path) -> AsyncIterator[Robot]:
         hub = InprocHub()
         master.add_link(hub.server)
         operations = InProcessOperations(master, registry, record, library=library)
-        work = [master.run(), *RUNNER.coroutines(blueprint.bridges, lambda _: hub.connect(), print)]
+        devices = RUNNER.devices(blueprint.bridges)
+        work = [master.run(), *RUNNER.coroutines(blueprint.bridges, lambda _: hub.connect(), print, devices)]
         tasks = [asyncio.create_task(one) for one in work]
         try:
             async with asyncio.timeout(60):
-                yield Robot(master, operations, bus)
+                yield Robot(master, operations, bus, devices)
         finally:
             for task in tasks[1:]:
                 task.cancel()
@@ -130,6 +134,19 @@ async def test_a_servo_of_another_world_takes_the_slot_of_a_drive_that_is_pulled
         assert any("has sent no heartbeat" in line for line in why), why
 
 
+async def test_a_device_in_a_process_is_pulled_out_and_plugged_in_again(tmp_path: Path) -> None:
+    async with makers(tmp_path) as robot:
+        (lamp,) = robot.devices
+        assert (lamp.name, lamp.part_number, lamp.plug()) == ("lamp", LAMP, False)
+        await robot.until(lambda: robot.has(LAMP, PartState.ACTIVE, "lamp"))
+        assert lamp.unplug()
+        await robot.until(lambda: not robot.has(LAMP, PartState.ACTIVE, "lamp"))
+        assert not lamp.is_plugged
+        assert any("is no longer available" in line for line in robot.master.why(LAMP))
+        assert lamp.plug()
+        await robot.until(lambda: robot.has(LAMP, PartState.ACTIVE, "lamp"))
+
+
 @pytest.mark.parametrize(
     ("world", "device"), [("canopen", "drive"), ("canopen", "io"), ("dronecan", "servo"), ("mqtt", "lamp")]
 )
@@ -170,10 +187,8 @@ def test_two_bridges_of_one_world_on_one_bus_are_refused() -> None:
         RUNNER.check([table, table])
 
 
-def test_the_demo_shows_the_parts_that_bridges_bring_and_pulls_them(tmp_path: Path) -> None:
+def test_the_demo_shows_the_parts_that_bridges_bring(tmp_path: Path) -> None:
     state = {"XDG_STATE_HOME": str(tmp_path / "state")}
-    script = ("--script", "0:unplug lamp;0:plug lamp")
-    with running_command("demo", "--robot", "makers", "--port", "0", *script, cwd=tmp_path, env=state) as demo:
-        demo.wait_for("lamp", "active -> left", "no longer available")
+    with running_command("demo", "--robot", "makers", "--port", "0", cwd=tmp_path, env=state) as demo:
         demo.wait_for("joint active", "switches active", "button active", "lamp active")
         demo.end()

@@ -19,7 +19,7 @@ from msbot.part.beginner_hints import part_is_run
 from msbot.part.description import describe
 from msbot.part.join.pnp_messages import Nature
 from msbot_agent.link import Link
-from msbot_bridges.bridge.contract import ForeignDevice, Value
+from msbot_bridges.bridge.contract import DeviceSetting, ForeignDevice, Value
 from msbot_xrce.errors import ConfigError, LinkError, MsbotError
 
 AGAIN_S = 0.2
@@ -87,7 +87,7 @@ class BridgedPart:
                     least=setting.least,
                     most=setting.most,
                     unit=setting.unit,
-                )(self._setting(setting.name))
+                )(self._setting(setting))
         part.on_join(self._joined)
         part.safe_state(self._be_safe)
         part.on_lost(self._left)
@@ -152,7 +152,11 @@ class BridgedPart:
 
     def _acting(self, port: str) -> Callable[[Message], None]:
         def act(message: Message) -> None:
-            if self._may_be_told():
+            if not self._may_be_told():
+                return
+            if self.part.stopped:  # during STOP nothing else comes than safe values
+                self.device.safe_is(port, message)
+            else:
                 self.device.act(port, message)
 
         return act
@@ -163,10 +167,13 @@ class BridgedPart:
 
         return serve
 
-    def _setting(self, name: str) -> Callable[[Value], None]:
+    def _setting(self, setting: DeviceSetting) -> Callable[[Value], None]:
         def take(value: Value) -> None:
-            if self._may_be_told():
-                self.device.set(name, value)
+            if setting.choices and value not in setting.choices:
+                words = f"setting {setting.name}: there is no {value!r}; there are {', '.join(setting.choices)}"
+                self.part.log(words, level="error")
+            elif self._may_be_told():
+                self.device.set(setting.name, value)
 
         return take
 

@@ -107,6 +107,8 @@ class DeviceSetting:
     least: float | None = None
     most: float | None = None
     unit: str = ""
+    choices: Sequence[str] = ()
+    """Of a text: the values that there are; none: any."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,6 +151,11 @@ class ForeignDevice(ABC):
     @abstractmethod
     def set(self, name: str, value: Value) -> None:
         """Its slot has this value for a setting; also before `begin`, once for each."""
+
+    def safe_is(self, port: str, message: Message) -> None:
+        """STOP comes: this is the safe value that the robot's library has for a wired port. Obeyed like `act`, unless
+        the device's own `stop` makes use of it."""
+        self.act(port, message)
 
     @abstractmethod
     def stop(self) -> None:

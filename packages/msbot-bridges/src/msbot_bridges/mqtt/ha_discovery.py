@@ -10,8 +10,9 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from msbot_bridges.bridge import DeviceIdentity
-from msbot_bridges.mqtt.device_model import DeviceModel, LifeTopic, PortNames, chosen
+from msbot_bridges.mqtt.device_model import DeviceModel, LifeTopic, PortNames, chosen, chosen_settings
 from msbot_bridges.mqtt.ha_entity import json_object, ports_of
+from msbot_bridges.mqtt.ha_settings import is_setting, setting_of
 from msbot_bridges.mqtt.ha_words import spelt_out
 from msbot_bridges.mqtt.template import Template
 from msbot_xrce.errors import ConfigError
@@ -122,29 +123,34 @@ def _model(key: str, entities: list[_Entity]) -> DeviceModel:
     device: Mapping[str, Any] = next(
         (one.config["device"] for one in entities if isinstance(one.config.get("device"), Mapping)), {}
     )
-    readings, commands, left_out, names = [], [], [], PortNames()
+    readings, commands, settings, left_out, names = [], [], [], [], PortNames()
     life: dict[str, LifeTopic] = {}
     mode = "latest"
     for one in entities:
         try:
-            ports = ports_of(one.component, one.config, one.name, names)
             topics = list(_life(one.config))
+            if is_setting(one.config):
+                settings.append(setting_of(one.component, one.config, one.name, names))
+            else:
+                ports = ports_of(one.component, one.config, one.name, names)
+                readings += ports.readings
+                commands += ports.commands
         except ConfigError as error:
             left_out.append(f"{one.name}: {error}")
             continue
-        readings += ports.readings
-        commands += ports.commands
         life.update((topic.topic, topic) for topic in topics)
         mode = str(one.config.get("availability_mode", mode))
     kept, driven, over = chosen(readings, commands)
+    set_here, too_many = chosen_settings(settings)
     return DeviceModel(
         key,
         _identity(key, device, entities[0]),
         kept,
         driven,
+        set_here,
         tuple(life.values()),
         mode,
-        (*left_out, *over),
+        (*left_out, *over, *too_many),
         {f"{one.component} {one.name}": dict(one.config) for one in entities},
     )
 

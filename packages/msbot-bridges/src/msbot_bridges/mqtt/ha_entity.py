@@ -47,8 +47,6 @@ def ports_of(component: str, config: Config, name: str, names: PortNames) -> Ent
     maker = _COMPONENTS.get(component)
     if maker is None:
         raise ConfigError(f"a {component} has no port here")
-    if config.get("entity_category") == "config":
-        raise ConfigError("it configures the device, and nobody drives that from a robot")
     return maker(config, names.name(name, otherwise=component), names)
 
 
@@ -75,26 +73,30 @@ def _topic(config: Config, key: str) -> str:
     return str(topic)
 
 
-def _needed(config: Config, key: str) -> str:
+def needed_topic(config: Config, key: str) -> str:
+    """A topic that must be there."""
     topic = _topic(config, key)
     if not topic:
         raise ConfigError(f"it has no {key}")
     return topic
 
 
-def _words(config: Config, key: str, otherwise: str) -> str:
+def config_words(config: Config, key: str, otherwise: str) -> str:
+    """A text, or what counts without it."""
     value = config.get(key, otherwise)
     return otherwise if value is None else str(value)
 
 
-def _number(config: Config, key: str, otherwise: float) -> float:
+def config_number(config: Config, key: str, otherwise: float) -> float:
+    """A number, or what counts without it."""
     value = config.get(key, otherwise)
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
         raise ConfigError(f"{key} is no number")
     return float(value)
 
 
-def _template(config: Config, *keys: str) -> Template:
+def config_template(config: Config, *keys: str) -> Template:
+    """The first of these templates that is there; none: the payload as it is."""
     for key in keys:
         text = config.get(key)
         if isinstance(text, str):
@@ -102,12 +104,13 @@ def _template(config: Config, *keys: str) -> Template:
     return Template("")
 
 
-def _shown(value: float) -> str:
+def shown_number(value: float) -> str:
     """A number as devices write it: whole where it is whole."""
     return str(int(value)) if float(value).is_integer() else f"{value:.6g}"
 
 
-def _read_number(template: Template, payload: str) -> float | None:
+def read_number(template: Template, payload: str) -> float | None:
+    """A payload as a number; None: it is none."""
     text = template.render(payload)
     try:
         value = float(text) if text else math.nan
@@ -120,10 +123,10 @@ def _switching(
     config: Config, port: str, names: PortNames, *, state_keys: tuple[str, ...] = ("value_template",)
 ) -> EntityPorts:
     """On and off: a switch, a lamp without brightness, a fan without speeds."""
-    command_topic, state_topic = _needed(config, "command_topic"), _topic(config, "state_topic")
-    on, off = _words(config, "payload_on", "ON"), _words(config, "payload_off", "OFF")
-    template, writes = _template(config, *state_keys), _template(config, "command_template")
-    state_on, state_off = _words(config, "state_on", on), _words(config, "state_off", off)
+    command_topic, state_topic = needed_topic(config, "command_topic"), _topic(config, "state_topic")
+    on, off = config_words(config, "payload_on", "ON"), config_words(config, "payload_off", "OFF")
+    template, writes = config_template(config, *state_keys), config_template(config, "command_template")
+    state_on, state_off = config_words(config, "state_on", on), config_words(config, "state_off", off)
 
     def is_on(payload: str) -> bool | None:
         text = template.render(payload)
@@ -180,12 +183,15 @@ def _colour(config: Config, port: str, topic: str) -> CommandPort:
 
 
 def _dimmed_light(config: Config, port: str, names: PortNames) -> EntityPorts:
-    command_topic, dim_topic = _needed(config, "command_topic"), _needed(config, "brightness_command_topic")
+    command_topic, dim_topic = needed_topic(config, "command_topic"), needed_topic(config, "brightness_command_topic")
     state_topic, dim_state = _topic(config, "state_topic"), _topic(config, "brightness_state_topic")
-    on, off = _words(config, "payload_on", "ON"), _words(config, "payload_off", "OFF")
-    scale = max(1.0, _number(config, "brightness_scale", 255))
-    writes, reads = _template(config, "brightness_command_template"), _template(config, "brightness_value_template")
-    template = _template(config, "state_value_template", "value_template")
+    on, off = config_words(config, "payload_on", "ON"), config_words(config, "payload_off", "OFF")
+    scale = max(1.0, config_number(config, "brightness_scale", 255))
+    writes, reads = (
+        config_template(config, "brightness_command_template"),
+        config_template(config, "brightness_value_template"),
+    )
+    template = config_template(config, "state_value_template", "value_template")
     is_last = config.get("on_command_type", "last") == "last"
 
     def orders(message: Message) -> Sequence[Order]:
@@ -193,7 +199,7 @@ def _dimmed_light(config: Config, port: str, names: PortNames) -> EntityPorts:
         percent = max(0.0, min(100.0, message.percent))
         if percent == 0.0:
             return [Order(command_topic, off)]
-        dim = Order(dim_topic, writes.render(_shown(round(percent * scale / 100))) or "")
+        dim = Order(dim_topic, writes.render(shown_number(round(percent * scale / 100))) or "")
         both = [dim, Order(command_topic, on)] if is_last else [Order(command_topic, on), dim]
         return [dim] if config.get("on_command_type") == "brightness" else both
 
@@ -202,7 +208,7 @@ def _dimmed_light(config: Config, port: str, names: PortNames) -> EntityPorts:
         return True if text == off else False if text == on else None
 
     def read(payload: str) -> Message | None:
-        value = _read_number(reads, payload)
+        value = read_number(reads, payload)
         return None if value is None else Level(percent=100 * value / scale)
 
     def read_off(payload: str) -> Message | None:
@@ -220,8 +226,8 @@ def _dimmed_light(config: Config, port: str, names: PortNames) -> EntityPorts:
 
 def _json_light(config: Config, port: str, names: PortNames) -> EntityPorts:
     """Schema `json`: commands and states are objects with `state`, `brightness`, `color`."""
-    command_topic, state_topic = _needed(config, "command_topic"), _topic(config, "state_topic")
-    scale = max(1.0, _number(config, "brightness_scale", 255))
+    command_topic, state_topic = needed_topic(config, "command_topic"), _topic(config, "state_topic")
+    scale = max(1.0, config_number(config, "brightness_scale", 255))
     modes = config.get("supported_color_modes")
     modes = set(filter(lambda one: isinstance(one, str), modes)) if isinstance(modes, list) else set()
     is_dimmed = bool(config.get("brightness")) or bool(modes - {"onoff"})
@@ -289,14 +295,17 @@ def _fan(config: Config, port: str, names: PortNames) -> EntityPorts:
     topic = _topic(config, "percentage_command_topic")
     if not topic:
         return _switching(config, port, names, state_keys=("state_value_template", "value_template"))
-    command_topic, state_topic = _needed(config, "command_topic"), _topic(config, "state_topic")
-    on, off = _words(config, "payload_on", "ON"), _words(config, "payload_off", "OFF")
-    least, most = _number(config, "speed_range_min", 1), _number(config, "speed_range_max", 100)
+    command_topic, state_topic = needed_topic(config, "command_topic"), _topic(config, "state_topic")
+    on, off = config_words(config, "payload_on", "ON"), config_words(config, "payload_off", "OFF")
+    least, most = config_number(config, "speed_range_min", 1), config_number(config, "speed_range_max", 100)
     if most < least or least < 1:
         raise ConfigError("its range of speeds is empty")
     speeds = most - least + 1
-    writes, reads = _template(config, "percentage_command_template"), _template(config, "percentage_value_template")
-    template = _template(config, "state_value_template", "value_template")
+    writes, reads = (
+        config_template(config, "percentage_command_template"),
+        config_template(config, "percentage_value_template"),
+    )
+    template = config_template(config, "state_value_template", "value_template")
 
     def orders(message: Message) -> Sequence[Order]:
         assert isinstance(message, Level)
@@ -304,10 +313,10 @@ def _fan(config: Config, port: str, names: PortNames) -> EntityPorts:
         if percent == 0.0:
             return [Order(command_topic, off)]
         speed = least - 1 + max(1, math.ceil(speeds * percent / 100))
-        return [Order(command_topic, on), Order(topic, writes.render(_shown(speed)) or "")]
+        return [Order(command_topic, on), Order(topic, writes.render(shown_number(speed)) or "")]
 
     def read(payload: str) -> Message | None:
-        value = _read_number(reads, payload)
+        value = read_number(reads, payload)
         return None if value is None else Level(percent=100 * (value - least + 1) / speeds)
 
     def is_off(payload: str) -> bool | None:
@@ -332,28 +341,32 @@ def _cover(config: Config, port: str, names: PortNames) -> EntityPorts:
     """A cover: STOP has it stand still where it is."""
     command_topic, state_topic = _topic(config, "command_topic"), _topic(config, "state_topic")
     position_topic, set_topic = _topic(config, "position_topic"), _topic(config, "set_position_topic")
-    closed, opened = _number(config, "position_closed", 0), _number(config, "position_open", 100)
+    closed, opened = config_number(config, "position_closed", 0), config_number(config, "position_open", 100)
     if closed == opened or not (command_topic or set_topic):
         raise ConfigError("a cover that cannot be moved")
     stop = config.get("payload_stop", "STOP")
-    template, reads = _template(config, "value_template"), _template(config, "position_template")
-    writes = _template(config, "set_position_template")
-    moving = {_words(config, "state_opening", "opening"), _words(config, "state_closing", "closing")}
+    template, reads = config_template(config, "value_template"), config_template(config, "position_template")
+    writes = config_template(config, "set_position_template")
+    moving = {config_words(config, "state_opening", "opening"), config_words(config, "state_closing", "closing")}
     still = {
-        _words(config, "state_open", "open"),
-        _words(config, "state_closed", "closed"),
-        _words(config, "state_stopped", "stopped"),
+        config_words(config, "state_open", "open"),
+        config_words(config, "state_closed", "closed"),
+        config_words(config, "state_stopped", "stopped"),
     }
 
     def position_orders(message: Message) -> Sequence[Order]:
         assert isinstance(message, Level)
         percent = max(0.0, min(100.0, message.percent))
-        position = _shown(round(closed + (opened - closed) * percent / 100))
+        position = shown_number(round(closed + (opened - closed) * percent / 100))
         return [Order(set_topic, writes.render(position, position=position) or "")]
 
     def open_orders(message: Message) -> Sequence[Order]:
         assert isinstance(message, Switch)
-        word = _words(config, "payload_open", "OPEN") if message.on else _words(config, "payload_close", "CLOSE")
+        word = (
+            config_words(config, "payload_open", "OPEN")
+            if message.on
+            else config_words(config, "payload_close", "CLOSE")
+        )
         return [Order(command_topic, word)]
 
     def is_still(payload: str) -> bool | None:
@@ -361,12 +374,12 @@ def _cover(config: Config, port: str, names: PortNames) -> EntityPorts:
         return True if text in still else False if text in moving else None
 
     def read_position(payload: str) -> Message | None:
-        value = _read_number(reads, payload)
+        value = read_number(reads, payload)
         return None if value is None else Level(percent=100 * (value - closed) / (opened - closed))
 
     def read_open(payload: str) -> Message | None:
         text = template.render(payload)
-        is_open, is_closed = _words(config, "state_open", "open"), _words(config, "state_closed", "closed")
+        is_open, is_closed = config_words(config, "state_open", "open"), config_words(config, "state_closed", "closed")
         return Switch(on=True) if text == is_open else Switch(on=False) if text == is_closed else None
 
     stops = [Order(command_topic, str(stop))] if command_topic and stop is not None else []
@@ -384,26 +397,26 @@ def _cover(config: Config, port: str, names: PortNames) -> EntityPorts:
 
 
 def _number_entity(config: Config, port: str, names: PortNames) -> EntityPorts:
-    command_topic, state_topic = _needed(config, "command_topic"), _topic(config, "state_topic")
-    least, most = _number(config, "min", 1), _number(config, "max", 100)
+    command_topic, state_topic = needed_topic(config, "command_topic"), _topic(config, "state_topic")
+    least, most = config_number(config, "min", 1), config_number(config, "max", 100)
     if most < least:
         raise ConfigError("its range is empty")
-    what = quantity(_words(config, "unit_of_measurement", ""), _words(config, "device_class", ""))
-    template, writes = _template(config, "value_template"), _template(config, "command_template")
+    what = quantity(config_words(config, "unit_of_measurement", ""), config_words(config, "device_class", ""))
+    template, writes = config_template(config, "value_template"), config_template(config, "command_template")
 
     def orders(message: Message) -> Sequence[Order]:
         return _number_orders(command_topic, writes, what, message, least=least, most=most)
 
     safe_number = nearest_to_zero(least, most)
-    tolerance = max(_number(config, "step", 1.0) / 2, (most - least) * _NEAR)
+    tolerance = max(config_number(config, "step", 1.0) / 2, (most - least) * _NEAR)
 
     def is_safe(payload: str) -> bool | None:
-        value = _read_number(template, payload)
+        value = read_number(template, payload)
         return None if value is None else abs(value - safe_number) <= tolerance
 
     safe = what.make(safe_number)
     readings = [_number_reading(names.name(f"{port}_state"), what, state_topic, template)] if state_topic else []
-    words, ranges = f"the value {_shown(safe_number)}", what.ranges(least, most)
+    words, ranges = f"the value {shown_number(safe_number)}", what.ranges(least, most)
     command = CommandPort(port, what.message, safe, orders, orders(safe), state_topic, is_safe, words, ranges)
     return EntityPorts(readings, [command])
 
@@ -414,25 +427,25 @@ def _number_orders(
     number = what.number(message)
     if not math.isfinite(number):
         return ()
-    return [Order(topic, writes.render(_shown(round(max(least, min(most, number)), 9))) or "")]
+    return [Order(topic, writes.render(shown_number(round(max(least, min(most, number)), 9))) or "")]
 
 
 def _number_reading(port: str, what: Quantity, topic: str, template: Template) -> StatePort:
     def read(payload: str) -> Message | None:
-        value = _read_number(template, payload)
+        value = read_number(template, payload)
         return None if value is None else what.make(value)
 
     return StatePort(port, what.message, topic, read)
 
 
 def _button(config: Config, port: str, names: PortNames) -> EntityPorts:  # noqa: ARG001 - as all others
-    topic, press = _needed(config, "command_topic"), _words(config, "payload_press", "PRESS")
+    topic, press = needed_topic(config, "command_topic"), config_words(config, "payload_press", "PRESS")
     return EntityPorts([], [CommandPort(port, Trigger, None, lambda _: [Order(topic, press)], ())])
 
 
 def _sensor(config: Config, port: str, names: PortNames) -> EntityPorts:  # noqa: ARG001
-    topic, template = _needed(config, "state_topic"), _template(config, "value_template")
-    unit, kind = _words(config, "unit_of_measurement", ""), _words(config, "device_class", "")
+    topic, template = needed_topic(config, "state_topic"), config_template(config, "value_template")
+    unit, kind = config_words(config, "unit_of_measurement", ""), config_words(config, "device_class", "")
     if unit or config.get("state_class") or kind == "battery":
         return EntityPorts([_number_reading(port, quantity(unit, kind), topic, template)], [])
 
@@ -444,8 +457,8 @@ def _sensor(config: Config, port: str, names: PortNames) -> EntityPorts:  # noqa
 
 
 def _binary_sensor(config: Config, port: str, names: PortNames) -> EntityPorts:  # noqa: ARG001
-    topic, template = _needed(config, "state_topic"), _template(config, "value_template")
-    on, off = _words(config, "payload_on", "ON"), _words(config, "payload_off", "OFF")
+    topic, template = needed_topic(config, "state_topic"), config_template(config, "value_template")
+    on, off = config_words(config, "payload_on", "ON"), config_words(config, "payload_off", "OFF")
 
     def read(payload: str) -> Message | None:
         text = template.render(payload)

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 
 from msbot_bridges.bridge import DeviceIdentity
-from msbot_bridges.mqtt.device_model import DeviceModel, LifeTopic, PortNames, chosen
-from msbot_bridges.mqtt.homie_property import HomieProperty, homie_ports
-from msbot_xrce.errors import ConfigError
+from msbot_bridges.mqtt.device_model import DeviceModel, LifeTopic, chosen, chosen_settings
+from msbot_bridges.mqtt.homie_property import SETTING_NODES, HomiePorts, HomieProperty
 
 QUIET_S = 1.0
 MOST_DEVICES = 200
@@ -20,11 +19,13 @@ class Homie4:
 
     Args:
         domain: the first level of their topics.
+        setting_nodes: nodes whose properties are settings.
     """
 
-    def __init__(self, domain: str = "homie") -> None:
+    def __init__(self, domain: str = "homie", setting_nodes: Collection[str] = SETTING_NODES) -> None:
         self.dropped = 0
         self._domain = domain
+        self._setting_nodes = setting_nodes
         self._attributes: dict[str, dict[str, str]] = {}
         """By device: what it says about itself, by the rest of the topic."""
         self._changed: dict[str, float] = {}
@@ -80,16 +81,11 @@ class Homie4:
 
     def _model(self, device: str, told: Mapping[str, str]) -> DeviceModel:
         base = f"{self._domain}/{device}"
-        readings, commands, left_out, names = [], [], [], PortNames()
+        found = HomiePorts(self._setting_nodes)
         for one in _properties(base, told):
-            try:
-                more_readings, more_commands = homie_ports(one, names)
-            except ConfigError as error:
-                left_out.append(f"{one.name}: {error}")
-                continue
-            readings += more_readings
-            commands += more_commands
-        kept, driven, over = chosen(readings, commands)
+            found.add(one)
+        kept, driven, over = chosen(found.readings, found.commands)
+        set_here, too_many = chosen_settings(found.settings)
         name = told.get("$name", device)
         identity = DeviceIdentity(
             "homie",
@@ -101,7 +97,9 @@ class Homie4:
         )
         life = [LifeTopic(f"{base}/$state", lambda payload: payload in ("ready", "alert"))]
         declared = {key: value for key, value in told.items() if not key.startswith("$stats")}
-        return DeviceModel(device, identity, kept, driven, life, "all", (*left_out, *over), declared)
+        return DeviceModel(
+            device, identity, kept, driven, set_here, life, "all", (*found.left_out, *over, *too_many), declared
+        )
 
 
 def _properties(base: str, told: Mapping[str, str]) -> Iterator[HomieProperty]:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from typing import Any
 
 from msbot_bridges.bridge import DeviceIdentity
-from msbot_bridges.mqtt.device_model import DeviceModel, LifeTopic, PortNames, chosen
+from msbot_bridges.mqtt.device_model import DeviceModel, LifeTopic, chosen, chosen_settings
 from msbot_bridges.mqtt.ha_entity import json_object
-from msbot_bridges.mqtt.homie_property import HomieProperty, homie_ports
-from msbot_xrce.errors import ConfigError
+from msbot_bridges.mqtt.homie_property import SETTING_NODES, HomiePorts, HomieProperty
 
 QUIET_S = 0.5
 MOST_DEVICES = 500
@@ -20,11 +19,13 @@ class Homie5:
 
     Args:
         domain: the first level of their topics.
+        setting_nodes: nodes whose properties are settings.
     """
 
-    def __init__(self, domain: str = "homie") -> None:
+    def __init__(self, domain: str = "homie", setting_nodes: Collection[str] = SETTING_NODES) -> None:
         self.dropped = 0
         self._domain = domain
+        self._setting_nodes = setting_nodes
         self._described: dict[str, Mapping[str, Any]] = {}
         self._changed: dict[str, float] = {}
 
@@ -67,17 +68,11 @@ class Homie5:
 
     def _model(self, device: str, told: Mapping[str, Any]) -> DeviceModel:
         base = f"{self._domain}/5/{device}"
-        readings, commands, left_out, names = [], [], [], PortNames()
-        found = list(_properties(base, told))
-        for one in found:
-            try:
-                more_readings, more_commands = homie_ports(one, names)
-            except ConfigError as error:
-                left_out.append(f"{one.name}: {error}")
-                continue
-            readings += more_readings
-            commands += more_commands
-        kept, driven, over = chosen(readings, commands)
+        found = HomiePorts(self._setting_nodes)
+        for one in _properties(base, told):
+            found.add(one)
+        kept, driven, over = chosen(found.readings, found.commands)
+        set_here, too_many = chosen_settings(found.settings)
         product = str(told.get("type") or told.get("name") or device)
         life = [LifeTopic(f"{base}/$state", lambda payload: payload == "ready")]
         root = told.get("root")
@@ -91,9 +86,10 @@ class Homie5:
             ),
             kept,
             driven,
+            set_here,
             life,
             "all",
-            (*left_out, *over),
+            (*found.left_out, *over, *too_many),
             told,
         )
 

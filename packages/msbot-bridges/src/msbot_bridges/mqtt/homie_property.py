@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 from msbot.part import Message
 from msbot.part.messages.standard import Colour, Count, Switch, Text, Trigger
+from msbot_bridges.bridge import DeviceSetting, Value
 from msbot_bridges.bridge.quantity import NUMBER, Quantity, nearest_to_zero, quantity
-from msbot_bridges.mqtt.device_model import CommandPort, Order, PortNames, StatePort
+from msbot_bridges.mqtt.device_model import CommandPort, Order, PortNames, SettingTopic, StatePort
 from msbot_xrce.errors import ConfigError
 from msbot_xrce.lazy import dataclass
 
@@ -39,6 +40,38 @@ DATATYPES: Mapping[str, type[Message]] = {
 """What a property without a unit is; a number with a unit is what the unit says."""
 
 
+class HomiePorts:
+    """The ports and settings of a device, from its properties.
+
+    Args:
+        setting_nodes: nodes whose properties are settings.
+    """
+
+    def __init__(self, setting_nodes: Collection[str]) -> None:
+        self.readings: list[StatePort] = []
+        self.commands: list[CommandPort] = []
+        self.settings: list[SettingTopic] = []
+        self.left_out: list[str] = []
+        self._setting_nodes = setting_nodes
+        self._names = PortNames()
+
+    def add(self, one: HomieProperty) -> None:
+        """Take one property."""
+        try:
+            if one.topic.split("/")[-2] in self._setting_nodes:
+                self.settings.append(homie_setting(one, self._names))
+            else:
+                readings, commands = homie_ports(one, self._names)
+                self.readings += readings
+                self.commands += commands
+        except ConfigError as error:
+            self.left_out.append(f"{one.name}: {error}")
+
+
+SETTING_NODES = ("settings", "config")
+"""Homie has no word for settings; these names of nodes are common."""
+
+
 def homie_ports(one: HomieProperty, names: PortNames) -> tuple[list[StatePort], list[CommandPort]]:
     """The ports of a property.
 
@@ -55,6 +88,37 @@ def homie_ports(one: HomieProperty, names: PortNames) -> tuple[list[StatePort], 
         return _colour(one, names)
     what = f"{one.datatype} {one.format}".strip()
     raise ConfigError(f"{what or 'a property without a datatype'} has no port here")
+
+
+def homie_setting(one: HomieProperty, names: PortNames) -> SettingTopic:
+    """A property that configures its device, as a setting.
+
+    Raises:
+        ConfigError: it is none; the text says why.
+    """
+    kind = _KINDS.get(one.datatype)
+    if kind is None or not one.is_settable or not one.is_retained:
+        raise ConfigError(f"a setting is settable, retained, and one of {', '.join(_KINDS)}")
+    least, most = _range(one.format) if kind in (int, float) else (None, None)
+    choices = tuple(one.format.split(",")) if one.datatype == "enum" else ()
+
+    def read(payload: str) -> Value | None:
+        if kind is bool:
+            return {"true": True, "false": False}.get(payload)
+        if kind is str:
+            return None if choices and payload not in choices else payload[:200]
+        value = _finite(payload)
+        return None if value is None else round(value) if kind is int else value
+
+    def orders(value: Value) -> Sequence[Order]:
+        return [Order(f"{one.topic}/set", str(value).lower() if isinstance(value, bool) else str(value))]
+
+    default: Value = False if kind is bool else "" if kind is str else 0
+    setting = DeviceSetting(names.name(one.name), kind, default, least, most, one.unit, choices)
+    return SettingTopic(setting, orders, one.topic, read)
+
+
+_KINDS: Mapping[str, type[Value]] = {"boolean": bool, "integer": int, "float": float, "enum": str, "string": str}
 
 
 def _names(one: HomieProperty, names: PortNames) -> tuple[str, str]:

@@ -9,6 +9,7 @@ the battery of a wireless device.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 from msbot.part import Message
 from msbot_bridges.bridge import DeviceOutput, ForeignDevice, Input, Report, Value
@@ -41,6 +42,10 @@ class MqttDevice(ForeignDevice):
         outputs = {one.port: one.message for one in model.readings}  # several topics may fill one port
         self.outputs = tuple(DeviceOutput(port, message) for port, message in outputs.items())
         self.inputs = tuple(Input(one.port, one.message, one.safe, one.ranges) for one in model.commands)
+        self._values = dict[str, Value]()
+        """What it has reported of its settings."""
+        self._set = dict[str, Value]()
+        """What it was told of them, and has not reported yet."""
         self._send, self._news, self._now = send, news, now
         self._commands = {one.port: one for one in model.commands}
         self._newest: dict[str, Message] = {}
@@ -68,16 +73,37 @@ class MqttDevice(ForeignDevice):
     def act(self, port: str, message: Message) -> None:
         """See `ForeignDevice`."""
         command = self._commands[port]
-        if self._is_stopping and message == command.safe:
-            return  # STOP has told it
         self._is_stopping = False
         if message != command.safe:
             self._unanswered.add(port)
         for order in command.orders(message):
             self._send(order, False)
 
+    @property
+    def unknown_settings(self) -> list[str]:
+        """Those whose value it has not reported; without that nobody knows what adopting it would change."""
+        return [one.setting.name for one in self.model.settings if one.setting.name not in self._values]
+
+    def describe_settings(self) -> None:
+        """It is found: what it has now are the defaults of its settings."""
+        known = [one.setting for one in self.model.settings if one.setting.name in self._values]
+        self.settings = tuple(replace(one, default=self._values[one.name]) for one in known)
+
     def set(self, name: str, value: Value) -> None:
-        """See `ForeignDevice`; these devices have no settings."""
+        """See `ForeignDevice`; what it has already is not written: the memory of many devices wears out."""
+        one = next(one for one in self.model.settings if one.setting.name == name)
+        if self._set.get(name, self._values.get(name)) == value:
+            return
+        self._set[name] = value
+        for order in one.orders(value):
+            self._send(order, False)
+
+    def safe_is(self, port: str, message: Message) -> None:
+        """See `ForeignDevice`: `stop` sends it, and waits for it."""
+        if message != self._commands[port].safe:
+            own = next(one for one in self.model.commands if one.port == port)
+            self._commands[port] = own if message == own.safe else own.stopping_at(message, self.model.readings)
+            self._reported_safe.discard(port)
 
     def stop(self) -> None:
         """See `ForeignDevice`."""
@@ -85,13 +111,13 @@ class MqttDevice(ForeignDevice):
             self._is_stopping, self._times_told = True, 0
             stopped = self._reported_safe - self._unanswered
             self._unconfirmed = {
-                one.port: one for one in self.model.commands if one.safe_words and one.port not in stopped
+                one.port: one for one in self._commands.values() if one.safe_words and one.port not in stopped
             }
         elif self._now() - self._told_at < AGAIN_S[min(self._times_told, len(AGAIN_S) - 1)]:
             return
         self._times_told += 1
         self._told_at = self._now()
-        waiting = self._unconfirmed.values() if self._times_told > 1 else self.model.commands
+        waiting = self._unconfirmed.values() if self._times_told > 1 else self._commands.values()
         for command in list(waiting):
             for order in command.stop:
                 self._send(order, True)
@@ -134,6 +160,11 @@ class MqttDevice(ForeignDevice):
                 self._newest[reading.port] = message
                 if self._report is not None:
                     self._report(reading.port, message)
+        for one in self.model.settings:
+            if one.topic == topic and (value := one.read(payload)) is not None:
+                self._values[one.setting.name] = value
+                if self._set.get(one.setting.name) == value or not is_old:
+                    self._set.pop(one.setting.name, None)
         was_waiting = bool(self._unconfirmed)
         for command in self._commands.values():
             if command.state_topic == topic and (is_safe := command.is_safe(payload)) is not None:

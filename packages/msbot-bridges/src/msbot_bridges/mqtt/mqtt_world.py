@@ -13,6 +13,9 @@ from msbot_bridges.mqtt.device_model import DeviceModel, LifeTopic, Order
 from msbot_bridges.mqtt.mqtt_device import MqttDevice
 from msbot_xrce.lazy import dataclass
 
+SETTINGS_S = 2.0
+"""Longest wait for what a device has as settings; brokers mostly keep it, and tell it at once."""
+
 
 class Convention(Protocol):
     """A way in which devices say what they are; without I/O."""
@@ -40,6 +43,8 @@ class _Known:
     latest: bool | None = None
     is_found: bool = False
     """The bridge has been told of it."""
+    waits: asyncio.TimerHandle | None = None
+    """For the values of its settings."""
 
     @property
     def is_alive(self) -> bool:
@@ -80,6 +85,8 @@ class MqttWorld(World):
         try:
             await asyncio.wait([connecting, watching], return_when=asyncio.FIRST_COMPLETED)
         finally:
+            for known in self._known.values():
+                self._wait_no_longer(known)
             await self._broker.flush()
             connecting.cancel()
             watching.cancel()
@@ -131,6 +138,7 @@ class MqttWorld(World):
 
     def _forget(self, key: str, why: str) -> None:
         known = self._known.pop(key)
+        self._wait_no_longer(known)
         for topic in _topics(known.model):
             hearers = self._by_topic[topic]
             hearers.discard(key)
@@ -145,6 +153,7 @@ class MqttWorld(World):
         for known in self._known.values():
             known.life.clear()
             known.latest = None
+            self._wait_no_longer(known)
             self._lose(known, why)
 
     def _lose(self, known: _Known, why: str) -> None:
@@ -165,17 +174,34 @@ class MqttWorld(World):
             for one in known.model.life:
                 if one.topic == topic and (is_there := one.read(text)) is not None:
                     known.life[topic] = known.latest = is_there
-            self._judge(key)
             known.device.heard(topic, text, is_old=is_old)
+            self._judge(key)
 
     def _judge(self, key: str) -> None:
         """A device that says that it is there is found; one that says that it is not is lost."""
         known = self._known[key]
         if not known.is_alive:
+            self._wait_no_longer(known)
             self._lose(known, f"{known.model.identity.where} is no longer available, as its topic says")
         elif not known.is_found and self._broker.is_connected:
-            known.is_found = True
-            self._host.found(known.device)
+            if not known.device.unknown_settings:
+                self._find(known)
+            elif known.waits is None:
+                known.waits = self._loop.call_later(SETTINGS_S, self._find, known)
+
+    def _find(self, known: _Known) -> None:
+        self._wait_no_longer(known)
+        for name in known.device.unknown_settings:
+            self._host.say(f"{known.model.identity.where}: left out: {name}: it has not reported its value")
+        known.device.describe_settings()
+        known.is_found = True
+        self._host.found(known.device)
+
+    @staticmethod
+    def _wait_no_longer(known: _Known) -> None:
+        if known.waits is not None:
+            known.waits.cancel()
+            known.waits = None
 
     def _send(self, order: Order, is_urgent: bool) -> None:
         if is_urgent:
@@ -187,5 +213,6 @@ class MqttWorld(World):
 def _topics(model: DeviceModel) -> list[str]:
     states = [one.topic for one in model.readings]
     states += [one.state_topic for one in model.commands if one.state_topic]
+    states += [one.topic for one in model.settings]
     life: list[LifeTopic] = list(model.life)
     return list(dict.fromkeys([*states, *(one.topic for one in life)]))

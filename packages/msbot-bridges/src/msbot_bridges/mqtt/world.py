@@ -27,13 +27,15 @@ def open_world(link: BridgeLink) -> World:
     from msbot_bridges.mqtt.ha_discovery import HaDiscovery
     from msbot_bridges.mqtt.homie4 import Homie4
     from msbot_bridges.mqtt.homie5 import Homie5
+    from msbot_bridges.mqtt.homie_property import SETTING_NODES
 
     address = read_address(link.address, link.options)
     conventions: list[Convention] = []
     if prefix := _level(link, "discovery", "homeassistant"):
         conventions.append(HaDiscovery(prefix))
     if domain := _level(link, "homie", "homie"):
-        conventions += [Homie5(domain), Homie4(domain)]
+        nodes = [one.strip() for one in link.option("homie_settings", ",".join(SETTING_NODES)).split(",")]
+        conventions += [Homie5(domain, nodes), Homie4(domain, nodes)]
     if not conventions:
         raise ConfigError("--option discovery= and --option homie=: with neither of them nothing is found")
     return MqttWorld(address, tuple(conventions))
@@ -81,6 +83,7 @@ WORLD = WorldKind(
     {
         "discovery": "the discovery prefix of Home Assistant; homeassistant if left out, empty: without",
         "homie": "the first level of Homie's topics; homie if left out, empty: without",
+        "homie_settings": "nodes of Homie devices whose properties are settings; settings,config if left out",
         "password_file": "a file with the password",
         "ca": "a file with the certificates to trust, for mqtts://",
     },

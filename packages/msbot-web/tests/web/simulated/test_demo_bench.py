@@ -133,6 +133,47 @@ def test_without_a_can_bus_there_is_none_to_see(tmp_path: Path) -> None:
     run_virtual(main())
 
 
+class Device:
+    """A simulated device of a bridge."""
+
+    def __init__(self, name: str, part_number: str) -> None:
+        self.name, self.part_number, self.is_plugged = name, part_number, True
+
+    def plug(self) -> bool:
+        was, self.is_plugged = self.is_plugged, True
+        return not was
+
+    def unplug(self) -> bool:
+        was, self.is_plugged = self.is_plugged, False
+        return was
+
+
+def test_devices_behind_bridges_are_pulled_at_their_slots_and_spares_by_their_name(tmp_path: Path) -> None:
+    async def main() -> None:
+        write_sample(tmp_path / "robot.toml", "thesis")
+        blueprint = load_blueprint(tmp_path / "robot.toml", load_library())
+        number = blueprint.slots[0].part_number
+        own, spare = Device("arm", number), Device("AA", "ACME:spare")
+        names = ("AA", "BB")
+        robot = DemoRobot(blueprint, MemoryStore(), names=names, bridged=names, devices=[spare, own])
+        assert robot.names == ("AA", "BB", "AA2")
+        assert robot.is_plugged("AA")
+        running = asyncio.create_task(robot.run())
+        await robot.begun.wait()
+        assert robot.unplug("AA")
+        assert (own.is_plugged, spare.is_plugged) == (False, True)
+        assert not robot.unplug("AA")
+        assert robot.plug("AA")
+        assert robot.unplug("AA2")
+        assert not spare.is_plugged
+        assert not robot.plug("BB"), "a device that the demo does not have cannot be plugged in"
+        assert {part.name: part.plugged for part in robot.snapshot().parts} == {"AA": True, "BB": False, "AA2": False}
+        robot.finish()
+        await running
+
+    run_virtual(main())
+
+
 def test_a_robot_without_simulated_parts_has_an_empty_bench() -> None:
     bench = NoSimulatedControls()
     bench.plug("AA")
