@@ -9,8 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Final
 
-from msbot_agent.link.can.protocol import CanIds, Frame
-from msbot_agent.link.can.protocol.ids import read_beacon
+from msbot_agent.link.can.protocol import CanIds, Frame, read_beacon
 
 _IDS: Final = CanIds()
 BEACON_ID: Final = _IDS.beacon

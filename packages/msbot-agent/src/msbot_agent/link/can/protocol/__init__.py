@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from msbot_agent.link.can.protocol.cost import BEACONS_HZ, Cost, Framing, beacon_cost, message_cost
     from msbot_agent.link.can.protocol.decoder import FOREIGN, CanDecoder, LegacyDecoder
     from msbot_agent.link.can.protocol.frames import Frame, check_frame
-    from msbot_agent.link.can.protocol.ids import NODES, CanIds, MemoryNodeIds, NodeIds, is_joining
+    from msbot_agent.link.can.protocol.ids import NODES, CanIds, MemoryNodeIds, NodeIds, is_joining, read_beacon
     from msbot_agent.link.can.protocol.legacy_frames import DOWN, UP
     from msbot_agent.link.can.protocol.notation import (
         LogLine,
@@ -56,6 +56,7 @@ _NAMES = {
         "NODES",
         "NodeIds",
         "is_joining",
+        "read_beacon",
     ),
     "msbot_agent.link.can.protocol.legacy_frames": (
         "DOWN",
@@ -105,6 +106,7 @@ __all__ = [
     "parse_frame",
     "parse_log_line",
     "phase_bits",
+    "read_beacon",
     "show_frame",
     "wire_bits",
 ]
