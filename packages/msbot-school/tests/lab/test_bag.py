@@ -18,10 +18,11 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from msbot.config import InDds
 from msbot.operations.dispatch import InProcessOperations
 from msbot.part import Message
+from msbot.part.messages.ros_names import ros_name
 from msbot.part.messages.standard import Colour, Level
 from msbot.recording.recorder.batch import Item, Kind, RecordedChannel, encode_object
 from msbot.recording.recorder.ring_storage import Storing
-from msbot.recording.recorder.schemas import ENCODING, ros_definition, ros_metadata, ros_name
+from msbot.recording.recorder.schemas import ENCODING, ros_definition, ros_metadata
 from msbot.recording.recordings.excerpts import write_cut
 from msbot_school.demo import DemoRobot
 from tests.lab.recorded import BEGAN_NS, LIMITS, messages, record_demo, store
@@ -114,6 +115,29 @@ def test_each_topic_that_is_not_in_the_bag_is_named(tmp_path: Path) -> None:
         ("/ROVER/power", {"data": 12.0, "__msgtype__": "std_msgs/msg/Float32"}),
         ("/plain", {"percent": 3.0, "__msgtype__": "msbot_msgs/msg/Level"}),
     ]
+
+
+class Arm(Message):
+    """A type of a library."""
+
+    tip: Level
+    isUp: bool
+
+
+@pytest.mark.parametrize("package", ["msbot_msgs", "arm_msgs"])
+def test_a_type_of_a_package_that_msbot_has_written_is_in_the_bag(tmp_path: Path, package: str) -> None:
+    shared = ros_metadata(("/ROVER/arm", InDds(ros=True, ros_type=f"{package}/msg/Arm")), Arm)
+    one = RecordedChannel("/arm", "cdr", ros_name("Arm"), ENCODING, ros_definition(Arm), (*shared.items(),))
+    items = [(Kind.CHANNEL, 1, 0, one.encode()), sample(1, Arm(tip=Level(percent=5), isUp=True))]
+    bag = tmp_path / "bag.mcap"
+    assert store(items, bag, as_bag=True) == []
+    ((topic, _, told),) = read(bag)
+    assert (topic, told.__msgtype__, told.tip.__msgtype__) == (  # type: ignore[attr-defined]
+        "/ROVER/arm",
+        f"{package}/msg/Arm",
+        f"{package}/msg/Level",
+    )
+    assert (told.tip.percent, told.is_up) == (5.0, True)  # type: ignore[attr-defined]
 
 
 def test_what_is_left_out_is_told_while_it_is_recorded_and_each_topic_once(tmp_path: Path) -> None:

@@ -7,9 +7,10 @@ from mcap.records import Schema
 from mcap_ros2.decoder import DecoderFactory
 
 from msbot import AtMost, Exactly, Message, Octets, float32, float64, int16, ros2, uint8, uint16
+from msbot.part.messages.ros_names import ros_name
 from msbot.part.messages.standard import STANDARD_MESSAGES
 from msbot.recording.recorder.recording_file import ENCAPSULATION
-from msbot.recording.recorder.schemas import ros_definition, ros_name
+from msbot.recording.recorder.schemas import ros_definition
 
 
 def decoded(message: Message) -> object:

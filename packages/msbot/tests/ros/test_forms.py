@@ -97,12 +97,20 @@ class Own(Message):
 @pytest.mark.parametrize(
     ("call", "words"),
     [
-        (lambda: form_of(Own), "Own has no usual type in ROS 2: say ros_type and ros_fields"),
+        (lambda: form_of(Own), "Own has no usual type in ROS 2: say ros_type and ros_fields, or ros_type = "),
         (
             lambda: form_of(Own, "Float32"),
             "'Float32' is not a message type of ROS 2: write it like std_msgs/msg/Float32",
         ),
-        (lambda: form_of(Own, "my_msgs/Thing"), "'my_msgs/Thing' is not among the known message types of ROS 2"),
+        (lambda: form_of(Own, "std_msgs/Thing"), "'std_msgs/Thing' is not among the known message types of ROS 2"),
+        (
+            lambda: form_of(Own, "my_msgs/Thing", {"a": "data"}),
+            "my_msgs/Thing is not among the message types that MsBOT knows: its fields must be those of Own; remove",
+        ),
+        (
+            lambda: form_of(Own, "msbot_msgs/msg/Thing"),
+            "msbot_msgs has the types of the library (msbot library ros-package), and Own is msbot_msgs/msg/Own there",
+        ),
         (
             lambda: form_of(Own, "std_msgs/Float32"),
             "Own and std_msgs::msg::dds_::Float32_ have no field of the same name: say ros_fields, for example",

@@ -25,6 +25,8 @@ class DdsTopic:
     outward: Convert | None = None
     """From the client's form to the form in DDS; None = they are the same."""
     inward: Convert | None = None
+    type_hash: str = ""
+    """Of its type in ROS 2, for one that is in no list of ours; empty: there is none, or it is known."""
 
 
 DdsTopicsOf = Callable[[Topic], tuple[DdsTopic, ...]]

@@ -140,7 +140,7 @@ def ros_package(folder: Path, package: str | None, folders: tuple[Path, ...]) ->
     workspace and run `colcon build`; in the blueprint `ros_type` names the service.
     """
     from msbot.cli import ros_package as writer
-    from msbot.recording.recorder.schemas import PACKAGE
+    from msbot.part.messages.ros_names import PACKAGE
 
     library, package = library_here(folders), package or PACKAGE
     files = writer.package_files(library, package)

@@ -6,6 +6,7 @@ there they are a uint32 with constants.
 
 from __future__ import annotations
 
+import keyword
 import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -13,11 +14,23 @@ from xml.sax.saxutils import escape
 
 from msbot.config import EnumType, FieldType, Library, ListType, MessageType
 from msbot.config.library.field_types import BoundedText, FieldKind
-from msbot.recording.recorder.schemas import PACKAGE, ros_field_names, ros_name
+from msbot.part.messages.ros_names import PACKAGE, ros_field_names, ros_name
 from msbot.service_types import ServiceType
 from msbot_xrce.errors import ConfigError
 
 _NAME = re.compile(r"[a-z](_?[a-z0-9])+")
+_FIELD = re.compile(r"[A-Za-z](_?[A-Za-z0-9])*")
+_WORDS_OF_C = """
+    alignas alignof and and_eq asm auto bitand bitor bool break case catch char char8_t char16_t char32_t
+    class compl concept const consteval constexpr constinit const_cast continue co_await co_return co_yield
+    decltype default delete do double dynamic_cast else enum explicit export extern false float for friend
+    goto if inline int long mutable namespace new noexcept not not_eq nullptr operator or or_eq private
+    protected public register reinterpret_cast requires restrict return short signed sizeof static
+    static_assert static_cast struct switch template this thread_local throw true try typedef typeid typename
+    typeof union unsigned using virtual void volatile wchar_t while xor xor_eq
+"""
+_WORDS = {"C or C++": frozenset(_WORDS_OF_C.split()), "Python": frozenset(keyword.kwlist)}
+"""Words of the languages for which ROS 2 makes code of a package: none of them can be a field."""
 _MANIFEST = """\
 <?xml version="1.0"?>
 <package format="3">
@@ -70,13 +83,16 @@ def package_files(library: Library, package: str = PACKAGE) -> dict[str, str]:
     """The files of a package, by their paths in it.
 
     Raises:
-        ConfigError: ROS 2 takes no package of that name, or two types have one name there.
+        ConfigError: ROS 2 takes no package of that name, or two types have one name there, or it takes no field of a
+            name; the text names all of those.
     """
     if not _NAME.fullmatch(package):
         raise ConfigError(
             f"{package!r} is no name of a ROS package: it has small letters, digits and single _, and begins with a "
             "letter; say --package NAME"
         )
+    if faults := [fault for message in library.messages.values() for fault in _field_faults(message)]:
+        raise ConfigError("\n".join(faults))
     files: dict[str, str] = {}
     of: dict[str, str] = {}
 
@@ -95,6 +111,25 @@ def package_files(library: Library, package: str = PACKAGE) -> dict[str, str]:
     files["CMakeLists.txt"] = _CMAKE.format(package=package, files=listed)
     files["package.xml"] = _MANIFEST.format(package=escape(package))
     return files
+
+
+def _field_faults(message: MessageType) -> Iterator[str]:
+    """Why ROS 2 takes no message with such fields: a sentence for each of them."""
+    shown = ros_field_names(list(message.fields))
+    for place, (name, other) in enumerate(zip(message.fields, shown, strict=True)):
+        where = f"{message.name}: the field {name}"
+        right = f'name it in the library "{other}_value" or the like'
+        if languages := [language for language, words in _WORDS.items() if other in words]:
+            yield f"{where} cannot be in ROS 2, because {other} is a word of {' and of '.join(languages)}; {right}"
+        elif not _FIELD.fullmatch(name):
+            yield (
+                f"{where} cannot be in ROS 2: a name there has letters a to z, digits and single _, and begins with a "
+                f'letter; name it in the library "{other}"'
+            )
+        elif twins := [
+            one for one in list(message.fields)[:place] if ros_field_names([one]) == ros_field_names([name])
+        ]:
+            yield f"{where} and {twins[0]} are both {ros_field_names([name])[0]} in ROS 2; give one another name"
 
 
 def write_package(files: Mapping[str, str], folder: Path) -> None:

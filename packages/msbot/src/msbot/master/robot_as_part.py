@@ -277,5 +277,5 @@ def _dds_topics(binding: Binding, library: Library, partition: str, robot: str) 
             name = topic_name(robot, wish.ros_topic or binding.topic)
         except ConfigError as error:
             raise ConfigError(f'the binding of "{binding.topic}" with ros = true: {error}') from None
-        found.append(DdsTopic(name, form.theirs.type_name, (EVERYBODY,), form.outward, form.inward))
+        found.append(DdsTopic(name, form.theirs.type_name, (EVERYBODY,), form.outward, form.inward, form.type_hash))
     return tuple(found)

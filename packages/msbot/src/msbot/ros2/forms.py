@@ -17,6 +17,8 @@ from msbot import ros2
 from msbot.part import Message
 from msbot.part.messages.leaves import from_plain
 from msbot.part.messages.message import Field, fields_of
+from msbot.part.messages.ros_names import ros_name
+from msbot.ros2.package_types import package_class, package_hash
 from msbot_agent.ros.node_names import is_topic, topic_of
 from msbot_xrce.errors import ConfigError, LocalProtocolError, RemoteProtocolError
 from msbot_xrce.lazy import dataclass
@@ -96,6 +98,23 @@ def ros_class(name: str) -> type[Message]:
     return found
 
 
+def _package_form(ours: type[Message], name: str, fields: Mapping[str, str] | None) -> RosForm | None:
+    """The form of a type of the user's own package; None: it is a package that MsBOT knows, or no name of a type.
+
+    Raises:
+        ConfigError: fields are given, or our own package has the type under another name.
+    """
+    match = _NAME.fullmatch(name)
+    if match is None or match["package"] in KNOWN_PACKAGES:
+        return None
+    if fields:
+        raise ConfigError(
+            f"{name} is not among the message types that MsBOT knows: its fields must be those of {ours.type_name}; "
+            "remove ros_fields"
+        )
+    return PackageForm(ours, package_class(ours, match["package"], match["type"]))
+
+
 @dataclass(frozen=True, slots=True)
 class _Step:
     """One field on both sides."""
@@ -107,12 +126,18 @@ class _Step:
     """Of an enum: the words that theirs has."""
 
 
+KNOWN_PACKAGES = {name.partition("::")[0] for name in ROS_TYPES}
+"""Packages of ROS 2 of which MsBOT has the types that robots use; in others every type has the fields of ours."""
+
 RosFields = tuple[tuple[int, str, float] | tuple[int, str, float, tuple[str, ...]], ...]
 """Which field of ours (by its position) is which of theirs (`linear.x`), and times how much; of an enum its names."""
 
 
 class RosForm:
     """How one message class looks in ROS 2."""
+
+    type_hash = ""
+    """Of their type; empty: it is one that everybody knows."""
 
     def __init__(
         self,
@@ -170,6 +195,23 @@ class RosForm:
         return target.encode()
 
 
+class PackageForm(RosForm):
+    """A type of a package of the user's own: the octets are the same on both sides."""
+
+    def __init__(self, ours: type[Message], theirs: type[Message]) -> None:
+        super().__init__(ours, theirs, {})
+        self.type_hash = package_hash(theirs)
+
+    def outward(self, payload: bytes) -> bytes:
+        """See `RosForm.outward`."""
+        self.ours.decode(payload)
+        return payload
+
+    def inward(self, payload: bytes) -> bytes:
+        """See `RosForm.inward`."""
+        return self.ours.decode(payload, most_behind=MOST_BEHIND).encode()
+
+
 def recorded_as_ros(theirs: type[Message], fields: RosFields, values: Sequence[object], epoch_ns: int) -> bytes:
     """A recorded message of ours, of which only the values are known, as one of theirs.
 
@@ -195,7 +237,7 @@ def form_of(ours: type[Message], type_name: str = "", fields: Mapping[str, str] 
 
     Args:
         ours: the class.
-        type_name: `std_msgs/msg/Float32`; empty for the usual one.
+        type_name: `std_msgs/msg/Float32`, or one of another package, with the fields of ours; empty: the usual one.
         fields: ours to theirs; absent: the usual ones, or those of the same name, or the only one of each.
 
     Raises:
@@ -203,7 +245,13 @@ def form_of(ours: type[Message], type_name: str = "", fields: Mapping[str, str] 
     """
     usual = USUAL.get(ours.type_name)
     if not type_name and usual is None:
-        raise ConfigError(f"{ours.type_name} has no usual type in ROS 2: say ros_type and ros_fields")
+        own = ros_name(ours.type_name)
+        raise ConfigError(
+            f"{ours.type_name} has no usual type in ROS 2: say ros_type and ros_fields, or "
+            f'ros_type = "{own}" of the package that msbot library ros-package writes'
+        )
+    if form := _package_form(ours, type_name, fields):
+        return form
     theirs = ros_class(type_name) if type_name else usual[0]  # type: ignore[index]
     if not fields:
         fields = usual[1] if usual is not None and usual[0] is theirs else fields_by_themselves(ours, theirs)

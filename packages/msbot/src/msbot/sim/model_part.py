@@ -10,6 +10,7 @@ import asyncio
 import types
 from collections.abc import Mapping
 from enum import IntEnum
+from functools import cache
 from random import Random
 from typing import Annotated, Any, Protocol
 
@@ -89,13 +90,21 @@ def message_of(message: MessageType, leaves: Mapping[str, Scalar]) -> Message:
     return with_leaves(message_class(message), leaves)
 
 
+@cache
+def _enum(name: str, names: tuple[str, ...]) -> type[IntEnum]:
+    """The class of an enum; one for all types that have it in a field."""
+    make: Any = IntEnum  # a type checker wants its name and its members written here
+    made: type[IntEnum] = make(name, {one.upper(): number for number, one in enumerate(names)})
+    return made
+
+
 def _annotation(kind: FieldType) -> object:
     """What Python writes for a kind of field."""
     match kind:
         case BoundedText():
             return Annotated[str, AtMost(kind.most)]
         case EnumType():
-            return IntEnum(kind.name, {name.upper(): number for number, name in enumerate(kind.names)})
+            return _enum(kind.name, tuple(kind.names))
         case ListType():
             inside: Any = _annotation(kind.element)
             return Annotated[list[inside], Exactly(kind.most) if kind.is_fixed else AtMost(kind.most)]

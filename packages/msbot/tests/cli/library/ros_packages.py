@@ -6,8 +6,8 @@ import re
 from pathlib import Path
 
 from msbot.config import Library, MessageType, load_library
+from msbot.part.messages.ros_names import PACKAGE, ros_field_names, ros_name
 from msbot.part.messages.type_hash import type_hash
-from msbot.recording.recorder.schemas import PACKAGE, ros_field_names, ros_name
 
 LAMP = """
 number = "LAMP-1"

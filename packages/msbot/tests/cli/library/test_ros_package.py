@@ -13,10 +13,11 @@ from hypothesis import given, settings
 
 from msbot.cli.library import command
 from msbot.cli.ros_package import package_files, service_stem, services_of, write_package
-from msbot.config import FieldType, Library, MessageType
+from msbot.config import FieldType, Library, MessageType, load_library
 from msbot.part import Message
+from msbot.part.messages.ros_names import PACKAGE
 from msbot.part.messages.type_hash import described_types, type_hash
-from msbot.recording.recorder.schemas import PACKAGE, ros_definition
+from msbot.recording.recorder.schemas import ros_definition
 from msbot.service_types import ServiceType
 from msbot.sim.model_part import message_class
 from msbot_agent.idl import read_definitions, to_python
@@ -114,6 +115,43 @@ def test_what_cannot_be_written_is_said(tmp_path: Path) -> None:
     told = CliRunner().invoke(command, ["ros-package", str(tmp_path / "new"), "--library", str(tmp_path / "library")])
     assert str(told.exception) == "arm-1 and Arm1 are both msg/Arm1.msg in ROS 2: give one of them another name"
     assert not (tmp_path / "new").exists()
+
+
+@pytest.mark.parametrize(
+    ("fields", "words"),
+    [
+        (
+            'class = "bool"',
+            "cannot be in ROS 2, because class is a word of C or C++ and of Python; name it in the library ",
+        ),
+        (
+            'fineX = "bool", Default = "int8"',
+            "Own: the field Default cannot be in ROS 2, because default is a word of C",
+        ),
+        ('lambda = "bool"', 'lambda is a word of Python; name it in the library "lambda_value" or the like'),
+        (
+            'a__b = "bool"',
+            "Own: the field a__b cannot be in ROS 2: a name there has letters a to z, digits and single _, and begins",
+        ),
+        ('"größe" = "bool"', 'begins with a letter; name it in the library "gr_e"'),
+        (
+            'isUp = "bool", is_up = "bool"',
+            "Own: the field is_up and isUp are both is_up in ROS 2; give one another name",
+        ),
+    ],
+)
+def test_a_field_that_ros_does_not_take_is_named_with_what_would_be_right(
+    tmp_path: Path, fields: str, words: str
+) -> None:
+    (tmp_path / "own.toml").write_text(f'[[type]]\nname = "Own"\nfields = {{ {fields} }}\n')
+    told = CliRunner().invoke(command, ["ros-package", str(tmp_path / "new"), "--library", str(tmp_path)])
+    assert isinstance(told.exception, ConfigError)
+    assert words in str(told.exception)
+    assert not (tmp_path / "new").exists()
+
+
+def test_every_standard_type_is_one_that_ros_takes() -> None:
+    assert "msg/Scan.msg" in package_files(load_library())
 
 
 def test_a_service_has_a_name_of_both_its_messages() -> None:

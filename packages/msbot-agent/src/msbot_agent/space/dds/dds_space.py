@@ -207,7 +207,9 @@ class DdsSpace:
         domain, qos = self._domain_of(topic), self._in_dds(qos, dds_topic)
         native = domain.topic(dds_topic.name, dds_topic.type_name)
         calls = self._library.calls
-        with writer_qos(self._library, qos, qos.partitions, user_data_of(dds_topic.type_name)) as made:
+        with writer_qos(
+            self._library, qos, qos.partitions, user_data_of(dds_topic.type_name, dds_topic.type_hash)
+        ) as made:
             entity = calls.dds_create_writer(domain.participant, native.entity, made, None)
         if entity < 0:
             domain.release(dds_topic.name, dds_topic.type_name)
@@ -230,7 +232,9 @@ class DdsSpace:
         domain, qos = self._domain_of(topic), self._in_dds(qos, dds_topic)
         native = domain.topic(dds_topic.name, dds_topic.type_name)
         calls = self._library.calls
-        with reader_qos(self._library, qos, qos.partitions, user_data_of(dds_topic.type_name)) as made:
+        with reader_qos(
+            self._library, qos, qos.partitions, user_data_of(dds_topic.type_name, dds_topic.type_hash)
+        ) as made:
             entity = calls.dds_create_reader(domain.participant, native.entity, made, None)
         if entity < 0:
             domain.release(dds_topic.name, dds_topic.type_name)
@@ -335,7 +339,7 @@ class DdsSpace:
             "name": dds_topic.name,
             "type_name": dds_topic.type_name,
             "qos": reliable,
-            "user_data": user_data_of(dds_topic.type_name),
+            "user_data": user_data_of(dds_topic.type_name, dds_topic.type_hash),
         }
 
     def _service_opened(self, ends: Iterable[dds_services.ServiceEnd]) -> None:

@@ -112,7 +112,7 @@ ROS_TYPE_HASHES = {
 # `rmw_cyclonedds` complains once for each endpoint whose user data are not of that form.
 
 
-def user_data_of(type_name: str) -> bytes:
+def user_data_of(type_name: str, type_hash: str = "") -> bytes:
     """The user data of an endpoint: the hash of its type if ROS 2 knows the type, else who made it."""
-    found = ROS_TYPE_HASHES.get(type_name)
+    found = type_hash or ROS_TYPE_HASHES.get(type_name)
     return b"vendor=msbot;" if found is None else f"typehash=RIHS01_{found};".encode()

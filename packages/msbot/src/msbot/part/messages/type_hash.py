@@ -69,6 +69,11 @@ def type_hash(type_name: str, fields: Iterable[tuple[str, str]], inner: FieldsOf
         fields: as `described_types` has them.
         inner: finds the fields of the types inside.
     """
+    return whole_hash(type_name, fields, inner)[:HASH_OCTETS]
+
+
+def whole_hash(type_name: str, fields: Iterable[tuple[str, str]], inner: FieldsOf = lambda _: None) -> bytes:
+    """All octets of the hash of a type, as ROS 2 tells it; see `type_hash`."""
     inside: dict[str, Fields] = {}
     described = [_field(name, kind, inside) for name, kind in fields]
     others: dict[str, list[object]] = {}
@@ -80,7 +85,7 @@ def type_hash(type_name: str, fields: Iterable[tuple[str, str]], inner: FieldsOf
         "type_description": {"type_name": _ros_name(type_name), "fields": described},
         "referenced_type_descriptions": sorted(referenced, key=lambda one: str(one["type_name"])),
     }
-    return hashlib.sha256(json.dumps(whole).encode()).digest()[:HASH_OCTETS]
+    return hashlib.sha256(json.dumps(whole).encode()).digest()
 
 
 def _ros_name(type_name: str) -> str:

@@ -18,9 +18,18 @@ from typing import TYPE_CHECKING, Final
 from mcap.exceptions import McapError
 from mcap.records import Schema
 
+from msbot.part.messages.ros_names import PACKAGE
 from msbot.recording.recorder.batch import Kind, RecordedChannel
 from msbot.recording.recorder.recording_file import ENCAPSULATION, RecordingFile
-from msbot.recording.recorder.schemas import ENCODING, ROS_FIELDS, ROS_TOPIC, ROS_TYPE, ros_definition, ros_topic
+from msbot.recording.recorder.schemas import (
+    ENCODING,
+    NO_FIELDS,
+    ROS_FIELDS,
+    ROS_TOPIC,
+    ROS_TYPE,
+    ros_definition,
+    ros_topic,
+)
 from msbot_xrce.errors import ConfigError, MsbotError
 from msbot_xrce.lazy import dataclass
 
@@ -71,6 +80,9 @@ class BagTopics:
             return BagTopic(RecordedChannel(name, "cdr", channel.schema_name, ENCODING, channel.schema), None)
         wanted, type_name, cls, fields = shared
         name = self._name(f"{wanted} of {type_name}", wanted)
+        if cls is None:  # a type of a package with the fields of ours: only names differ
+            schema = channel.schema.replace(f"{PACKAGE}/", f"{type_name.partition('/')[0]}/")
+            return BagTopic(RecordedChannel(name, "cdr", type_name, ENCODING, schema), None)
         return BagTopic(
             RecordedChannel(name, "cdr", type_name, ENCODING, ros_definition(cls)), _converter(channel, cls, fields)
         )
@@ -84,12 +96,17 @@ class BagTopics:
         return self._names[key]
 
 
-def _shared(channel: RecordedChannel) -> tuple[str, str, type[Message], RosFields] | None:
-    """Name, type and fields of a topic in ROS 2, as its channel says; None: it is not there, or that makes no sense."""
+def _shared(channel: RecordedChannel) -> tuple[str, str, type[Message] | None, RosFields] | None:
+    """Name, type and fields of a topic in ROS 2, as its channel says; None: it is not there, or that makes no sense.
+
+    Without a class it has the fields of ours.
+    """
     metadata = dict(channel.metadata)
     name, type_name, fields = (metadata.get(key, "") for key in (ROS_TOPIC, ROS_TYPE, ROS_FIELDS))
     if not (name and type_name and fields):
         return None
+    if fields == NO_FIELDS:
+        return ros_topic(name), type_name, None, ()
     from msbot.ros2.forms import ros_class  # with all messages of ROS 2, which few recordings need
 
     try:

@@ -21,6 +21,7 @@ from msbot.part import Message
 from msbot.part.calls import ReplyStatus, sentence_of
 from msbot.part.join.pnp_messages import INVENTORY_REPLY_TOPIC, INVENTORY_REQUEST_TOPIC
 from msbot.part.join.seal import SEAL_OCTETS
+from msbot.part.messages.ros_names import ros_name
 from msbot.part.messages.wire_types import uint8
 from msbot.pnp import Configuration, PartEvent, PartInfo, PartState
 from msbot.pnp.emergency_stop import StopStatus
@@ -52,7 +53,6 @@ from msbot.recording.recorder.schemas import (
     frame_octets,
     ros_definition,
     ros_metadata,
-    ros_name,
     shown_words,
     topics_in_ros,
 )

@@ -11,6 +11,7 @@ from typing import Annotated, ClassVar, Final, get_args, get_origin, get_type_hi
 
 from msbot.config import Blueprint, InDds, Scalar
 from msbot.part import Message
+from msbot.part.messages.ros_names import ros_field_names, ros_name
 from msbot.part.messages.wire_types import AtMost, Exactly, Number, Octets
 from msbot.pnp import PartEvent
 from msbot.recording.recorder.batch import HEAD_FORMAT
@@ -19,22 +20,9 @@ from msbot_agent.link.can.protocol import Frame
 from msbot_agent.ros.node_names import topic_of
 from msbot_agent.text.sentence import to_json
 
-PACKAGE: Final = "msbot_msgs"
-"""The ROS 2 package that types without one are in."""
 ENCODING: Final = "ros2msg"
 _RULE: Final = "=" * 80
 _FOREIGN: Final = re.compile(r"[^A-Za-z0-9]+")
-_CAPITAL: Final = re.compile(r"(?<=[a-z0-9])([A-Z])")
-
-
-def ros_name(type_name: str) -> str:
-    """The name of a type as ROS 2 writes it: `std_msgs::msg::dds_::Float32_` is `std_msgs/msg/Float32`."""
-    words = [word for word in type_name.split("::") if word]
-    if len(words) == 4 and words[2] == "dds_":
-        return f"{words[0]}/{words[1]}/{words[3].removesuffix('_')}"
-    pieces = [piece for word in words for piece in _FOREIGN.split(word) if piece]
-    name = "".join(piece[:1].upper() + piece[1:] for piece in pieces)
-    return f"{PACKAGE}/msg/{name if name[:1].isalpha() else f'Type{name}'}"
 
 
 def ros_topic(topic: str) -> str:
@@ -65,19 +53,6 @@ def _lines(cls: type[Message], inside: dict[type[Message], None]) -> str:
     fields = {name: kind for name, kind in hints.items() if get_origin(kind) is not ClassVar}
     names = ros_field_names(list(fields))
     return "\n".join(f"{_word(kind, inside)} {name}" for name, kind in zip(names, fields.values(), strict=True))
-
-
-def ros_field_names(names: Sequence[str]) -> list[str]:
-    """The names as ROS 2 allows them: small letters, digits and single underscores between them."""
-    allowed: list[str] = []
-    for name in names:
-        pieces = [piece for piece in _FOREIGN.split(_CAPITAL.sub(r"_\1", name).lower()) if piece]
-        shown = "_".join(pieces)
-        shown = shown if shown[:1].isalpha() else f"field_{shown}".rstrip("_")
-        while shown in allowed:
-            shown += "x"
-        allowed.append(shown)
-    return allowed
 
 
 def _word(annotation: object, inside: dict[type[Message], None]) -> str:
@@ -122,6 +97,8 @@ ROS_TYPE: Final = "ros_type"
 """`std_msgs/msg/Float32`"""
 ROS_FIELDS: Final = "ros_fields"
 """`[[0, "data", 1.0]]`: position of our field, their field, theirs is ours times."""
+NO_FIELDS: Final = "[]"
+"""The same for a type that has the fields of ours."""
 
 
 def topics_in_ros(blueprint: Blueprint) -> dict[str, tuple[str, InDds]]:

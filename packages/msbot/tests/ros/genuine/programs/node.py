@@ -6,6 +6,7 @@ It runs with the Python of its own environment, and imports nothing of MsBOT.
 import importlib
 import json
 import os
+import re
 import sys
 import threading
 import time
@@ -315,8 +316,12 @@ def plain(value):
 
 def filled(message, values):
     for name, value in values.items():
-        old = getattr(message, name)
-        setattr(message, name, filled(old, value) if isinstance(value, dict) else value)
+        if isinstance(value, dict):
+            value = filled(getattr(message, name), value)
+        elif isinstance(value, list) and value and isinstance(value[0], dict):
+            package, kind = re.search(r"(\w+)/(\w+)", message.get_fields_and_field_types()[name]).groups()
+            value = [filled(class_of(f"{package}/msg/{kind}")(), one) for one in value]
+        setattr(message, name, value)
     return message
 
 
