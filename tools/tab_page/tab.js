@@ -36,22 +36,31 @@
     text: `Load the robot (about ${place.dataset.megabytes} MB)`,
     onclick: begin,
   });
-  place.replaceChildren(load, status);
+  const loaded = make("progress", { "aria-label": "Loaded", hidden: true, max: place.dataset.megabytes, value: 0 });
+  place.replaceChildren(load, loaded, status);
 
   function begin() {
     if (worker) worker.terminate();
     load.disabled = true;
     heard = 0;
     lastEvent = 0;
+    isHeld = false;
     cards.clear();
-    worker = new Worker(`${here}worker.js`);
+    try {
+      worker = new Worker(`${here}worker.js`);
+    } catch (error) {
+      on.failed(location.protocol === "file:" ? "open this page through a web server" : error.message);
+      return;
+    }
     worker.onmessage = ({ data: { kind, value } }) => on[kind](value);
     worker.onerror = (event) => on.failed(event.message || "a file of the robot cannot be loaded");
+    loaded.hidden = false;
     say(status, "Loading…");
   }
 
   const on = {
-    progress: (words) => say(status, `${words}…`),
+    loaded: (octets) => { loaded.value = octets / 1e6; },
+    starting: () => say(status, "Starting…"),
     program: (parts) => show(parts),
     look: (text) => {
       heard = Date.now();
@@ -60,6 +69,7 @@
     },
     failed: (words) => {
       say(status, `The robot does not run: ${words}`);
+      loaded.hidden = true;
       load.disabled = false;
       if (load.isConnected) return;
       say(againWords, "The robot has ended. ");
@@ -111,7 +121,7 @@
         view.frames));
     place.replaceChildren(
       again, status,
-      make("div", { class: "tr-bar" }, view.stop, view.go, view.stopWords), view.answer, view.cards,
+      make("div", { class: "tr-bar tr-always" }, view.stop, view.go, view.stopWords), view.answer, view.cards,
       make("h3", { text: "Your part" }),
       make("pre", { class: "tr-code", text: head.trimEnd() }),
       make("label", { for: "tr-lines", text: "Your lines" }), view.lines,
@@ -203,7 +213,7 @@
 
   function eventsOf(events) {
     const words = (one) => `${one.part}: ${one.from_state ? `${one.from_state} → ` : ""}${one.to_state}, ${one.reason}`;
-    view.events.replaceChildren(...events.toReversed().map((one) =>
+    view.events.replaceChildren(...[...events].reverse().map((one) =>
       make("li", {}, make("span", { class: "tr-time", text: `${one.at_s.toFixed(1)} s ` }), words(one))));
     lastEvent = events.at(-1).number;
     say(status, words(events.at(-1)));
@@ -214,7 +224,7 @@
     const bus = robot.bus;
     say(view.bus, `${bus.frames} frames, ${bus.load_now_percent.toFixed(1)} % of the time of `
       + `${bus.bitrate / 1000} kbit/s`);
-    view.frames.replaceChildren(...robot.frames.toReversed().map((one) => make("tr", {},
+    view.frames.replaceChildren(...[...robot.frames].reverse().map((one) => make("tr", {},
       make("td", { text: one.sender }), make("td", {}, make("code", { text: one.frame.trim() })),
       make("td", { text: one.words }))));
   }

@@ -6,11 +6,26 @@ importScripts("pyodide/pyodide.js");
 
 const tell = (kind, value) => postMessage({ kind, value });
 
+// What is fetched is counted on its way; that the answers keep their type lets the browser compile while it loads.
+let octets = 0;
+const plainFetch = self.fetch;
+self.fetch = async (...request) => {
+  const answer = await plainFetch(...request);
+  if (!answer.ok || !answer.body) return answer;
+  const counted = answer.body.pipeThrough(new TransformStream({
+    transform(chunk, controller) {
+      octets += chunk.byteLength;
+      tell("loaded", octets);
+      controller.enqueue(chunk);
+    },
+  }));
+  return new Response(counted, { status: answer.status, statusText: answer.statusText, headers: answer.headers });
+};
+
 async function begin() {
-  tell("progress", "Loading Python");
   const files = new URL("pyodide/", self.location.href).href;
   const [pyodide, packages] = await Promise.all([loadPyodide({ indexURL: files }), fetchPackages()]);
-  tell("progress", "Starting MsBOT");
+  tell("starting", "");
   pyodide.unpackArchive(packages, "zip", { extractDir: "/msbot" });
   pyodide.runPython("import sys; sys.path.insert(0, '/msbot')");
   const start = pyodide.pyimport("tab_start");

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import json
+import subprocess
+import sys
 from collections.abc import Awaitable, Callable
 from functools import partial
 from random import Random
@@ -11,6 +13,23 @@ from typing import Any
 
 from msbot.process.virtual_time import run_virtual
 from msbot_school.demo.tab_robot import FIRST_LINES, TabRobot
+
+MISSING = ("ssl", "sqlite3", "fcntl", "lzma", "termios", "resource", "_multiprocessing")
+"""Modules of the standard library that Pyodide does not bring."""
+
+
+def test_it_needs_nothing_that_a_tab_lacks() -> None:
+    blocked = f"""
+import sys
+sys.modules.update(dict.fromkeys({MISSING}))
+before = set(sys.modules)
+from msbot_school.demo.tab_robot import tab_library
+tab_library()
+own = set(sys.stdlib_module_names) | {{"msbot", "msbot_agent", "msbot_xrce", "msbot_school"}}
+print(sorted({{name.partition(".")[0] for name in set(sys.modules) - before}} - own))
+"""
+    done = subprocess.run([sys.executable, "-c", blocked], capture_output=True, text=True, check=False)
+    assert (done.stdout, done.stderr) == ("[]\n", "")
 
 
 class Visitor:

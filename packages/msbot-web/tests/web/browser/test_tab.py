@@ -70,6 +70,15 @@ def visitor(browser: Browser, address: str, asked: list[str]) -> Page:
     return page
 
 
+def test_a_robot_that_cannot_be_loaded_says_so(browser: Browser, address: str) -> None:
+    page = new_page(browser)
+    page.route("**/pyodide.js", lambda route: route.abort())
+    page.goto(address)
+    press(page, "Load the robot (about 14 MB)")
+    expect(page.get_by_role("status")).to_contain_text("The robot does not run: ")
+    page.context.close()
+
+
 def card(page: Page, place: str) -> Locator:
     return page.locator(f'[data-place="{place}"]')
 
