@@ -61,7 +61,9 @@ for module in (one for package in packages for one in pkgutil.walk_packages(pack
     try:
         importlib.import_module(module.name)
     except Exception as error:
-        failed.append(f"{module.name}: {type(error).__name__}: {error}")
+        # The data types of Cyphal are compiled when its bridge runs; what needs them is imported then.
+        if getattr(error, "name", "") not in ("uavcan", "reg"):
+            failed.append(f"{module.name}: {type(error).__name__}: {error}")
 print("\\n".join(failed))
 """
 OPEN_CAN = """

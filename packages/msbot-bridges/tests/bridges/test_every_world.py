@@ -150,6 +150,7 @@ class Plug:
     ("world", "device", "number", "port", "message", "why"),
     [
         ("canopen", "drive", "vendor-0x4d53:SimDrive", "position", "Angle", "has sent no heartbeat"),
+        ("cyphal", "range", "org.msbot:simrange", "distance", "Distance", "has sent no heartbeat"),
         ("dronecan", "servo", "org.msbot:simservo", "position", "Angle", "has sent no NodeStatus"),
         ("mqtt", "lamp", "simulated:lamp", "lamp_state", "Level", "is no longer available"),
         ("modbus", "devices", "ACME:pump", "turns", "Speed", "is gone"),
@@ -159,7 +160,9 @@ class Plug:
 async def test_a_device_is_adopted_recorded_stopped_and_its_loss_explained(
     world: str, device: str, number: str, port: str, message: str, why: str, tmp_path: Path
 ) -> None:
-    pytest.importorskip({"mqtt": "aiomqtt", "modbus": "pymodbus", "jacdac": "websockets"}.get(world, world))
+    pytest.importorskip(
+        {"cyphal": "pycyphal", "mqtt": "aiomqtt", "modbus": "pymodbus", "jacdac": "websockets"}.get(world, world)
+    )
     async with AsyncExitStack() as stack:
         plug = Plug(world, device, tmp_path, stack)
         async with robot_with(tmp_path, plug.bridge) as robot:

@@ -49,6 +49,23 @@ def test_frames_of_dronecan(can_id: int, data: str, words: str) -> None:
     assert told.protocol == (words,)
 
 
+@pytest.mark.parametrize(
+    ("can_id", "data", "words"),
+    [
+        (0x107D552B, "00000000000000E0", "Cyphal node 43: Heartbeat"),
+        (0x1068002B, "00000000000000A0", "Cyphal node 43: subject 2048, begins"),
+        (0x1068002B, "00000040", "Cyphal node 43: subject 2048, ends"),
+        (0x197FE642, "010203040506E0", "Cyphal, a node without id: pnp.NodeIDAllocationData.1"),
+        (0x136B95FD, "E0", "Cyphal node 125 to node 43: request GetInfo"),
+        (0x126BBEAB, "0102030405060700", "Cyphal node 43 to node 125: answer GetInfo, goes on"),
+    ],
+)
+def test_frames_of_cyphal(can_id: int, data: str, words: str) -> None:
+    frame = Frame(can_id, bytes.fromhex(data), extended=True)
+    told = listener_for(None, legacy=False).explain_frame(frame, 0.0)
+    assert told.protocol == (words,)
+
+
 def test_mistakes_on_the_bus_are_no_frames_of_another_world() -> None:
     told = listener_for(None, legacy=False).explain_frame(Frame(0x008, b""), 0.0)
     assert "STOP" in told.protocol[0]

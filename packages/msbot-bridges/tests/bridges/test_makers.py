@@ -7,6 +7,7 @@ from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import AsyncExitStack, asynccontextmanager
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 from uuid import uuid4
 
 import pytest
@@ -29,14 +30,16 @@ from tests.e2e.processes import running as running_command
 pytest.importorskip("aiomqtt")
 pytest.importorskip("canopen")
 pytest.importorskip("dronecan")
+pytest.importorskip("pycyphal")
 
 from msbot_bridges.canopen.drive_states import DriveState
 from msbot_bridges.canopen.simulated.drive import SimulatedDrive
 from msbot_bridges.canopen.simulated.io_module import SimulatedIo
+from msbot_bridges.cyphal.data_types import load_types
 from msbot_bridges.dronecan.simulated_servo import SimulatedServo
 
 DRIVE, IO, SERVO = "vendor-0x4d53:SimDrive", "vendor-0x4d53:SimIO", "org.msbot:simservo"
-LAMP = "simulated:lamp"
+LAMP, EYE = "simulated:lamp", "org.msbot:simrange"
 
 
 class Robot:
@@ -64,8 +67,10 @@ def opened(folder: Path) -> tuple[Blueprint, Library, str]:
     write_sample(folder / "robot.toml")
     blueprint, library = open_blueprint(folder / "robot.toml")
     bus = f"msbot:{uuid4().hex[:12]}"
-    on_bus = [one for one in blueprint.bridges if one.link.startswith("msbot:")]
-    bridges = tuple(replace(one, link=bus, simulate=()) if one in on_bus else one for one in blueprint.bridges)
+    names = {"canopen": bus, "dronecan": bus, "cyphal": f"{bus}-cyphal"}
+    bridges = tuple(
+        replace(one, link=names[one.world], simulate=()) if one.world in names else one for one in blueprint.bridges
+    )
     return replace(blueprint, bridges=bridges), library, bus
 
 
@@ -93,6 +98,21 @@ async def makers(folder: Path) -> AsyncIterator[Robot]:
             await asyncio.wait(tasks[:1])
 
 
+@asynccontextmanager
+async def range_finder(bus: str) -> AsyncIterator[Any]:
+    """A simulated Cyphal range finder in this event loop."""
+    await load_types()
+    from msbot_bridges.cyphal.simulated.range_finder import SimulatedRange
+
+    node = SimulatedRange(bus, 43)
+    living = asyncio.create_task(node.run())
+    try:
+        yield node
+    finally:
+        living.cancel()
+        await asyncio.wait([living])
+
+
 async def test_a_servo_of_another_world_takes_the_slot_of_a_drive_that_is_pulled(tmp_path: Path) -> None:
     async with makers(tmp_path) as robot, AsyncExitStack() as plugged:
         drive, module, servo = SimulatedDrive(robot.bus), SimulatedIo(robot.bus), SimulatedServo(robot.bus)
@@ -104,6 +124,8 @@ async def test_a_servo_of_another_world_takes_the_slot_of_a_drive_that_is_pulled
         await robot.until(lambda: robot.has(IO, PartState.ACTIVE, "switches"))
         await robot.until(lambda: robot.has(SERVO, PartState.STANDBY))
         await robot.until(lambda: robot.has(LAMP, PartState.ACTIVE, "lamp"))
+        eye = await plugged.enter_async_context(range_finder(f"{robot.bus}-cyphal"))
+        await robot.until(lambda: eye.restarts and robot.has(EYE, PartState.ACTIVE, "eye"))
 
         await robot.do("publish", who="ann", port="joint.angle", values=["36"], seconds=60.0)
         await robot.until(lambda: abs(drive.turns - 0.1) < 0.01)
@@ -112,8 +134,8 @@ async def test_a_servo_of_another_world_takes_the_slot_of_a_drive_that_is_pulled
         drive.is_stuck = True
         drive.rpm = 50
         await robot.do("stop", who="ann", reason="")
-        await robot.until(lambda: len(robot.master.stop.confirmed) == 2)
-        assert {one.part for one in robot.master.stop.confirmed} == {IO, LAMP}
+        await robot.until(lambda: len(robot.master.stop.confirmed) == 3)
+        assert {one.part for one in robot.master.stop.confirmed} == {EYE, IO, LAMP}
         assert all(one.ms > 0 for one in robot.master.stop.confirmed)
         assert list(robot.master.stop.silent) == [DRIVE], "the drive has not reported that it stands"
         drive.is_stuck = False
@@ -128,7 +150,7 @@ async def test_a_servo_of_another_world_takes_the_slot_of_a_drive_that_is_pulled
         await robot.do("publish", who="ann", port="joint.angle", values=["20"], seconds=60.0)
         await robot.until(lambda: abs(servo.position - 0.349) < 0.01)
         await robot.do("stop", who="ann", reason="")
-        await robot.until(lambda: len(robot.master.stop.confirmed) == 3)
+        await robot.until(lambda: len(robot.master.stop.confirmed) == 4)
         assert abs(servo.position) < 0.06
         why = robot.master.why(DRIVE)
         assert any("has sent no heartbeat" in line for line in why), why
@@ -148,7 +170,8 @@ async def test_a_device_in_a_process_is_pulled_out_and_plugged_in_again(tmp_path
 
 
 @pytest.mark.parametrize(
-    ("world", "device"), [("canopen", "drive"), ("canopen", "io"), ("dronecan", "servo"), ("mqtt", "lamp")]
+    ("world", "device"),
+    [("canopen", "drive"), ("canopen", "io"), ("cyphal", "range"), ("dronecan", "servo"), ("mqtt", "lamp")],
 )
 async def test_the_library_of_the_sample_is_what_the_devices_say(world: str, device: str) -> None:
     kind = worlds()[world]

@@ -49,6 +49,7 @@ CAN0 = "socketcan:can0?bitrate=500000"
             "ASSIGN .* in 29 bits.* of the robot's own parts",
         ),
         ([("dronecan", "slcan:/dev/ttyACM0")], ["can:slcan:/dev/ttyACM0"], "use a bus for each, with an adapter"),
+        ([("cyphal", CAN0), ("dronecan", CAN0)], [], "of cyphal and .* of dronecan can have the same identifier"),
         ([("canopen", CAN0)], ["can:can0?bitrate=250000"], "cannot have 500000 and 250000 bit/s; give both the same"),
         ([("canopen", CAN0)], ["can:can0?fd=1"], "canopen would destroy the CAN FD frames of the robot's own parts"),
         ([("dronecan", CAN0)], ["canfd:can0"], "would destroy the CAN FD frames"),
@@ -85,7 +86,7 @@ def test_the_robots_identifiers_are_those_of_its_frames() -> None:
         assert any(one.extended and one.first <= frame.can_id <= one.last for one in robot.claim.identifiers)
 
 
-@pytest.mark.parametrize("world", ["canopen", "dronecan"])
+@pytest.mark.parametrize("world", ["canopen", "cyphal", "dronecan"])
 def test_the_traffic_of_a_world_has_identifiers_of_that_world(world: str) -> None:
     claim = worlds()[world].can
     assert claim is not None

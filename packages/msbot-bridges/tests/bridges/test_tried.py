@@ -16,14 +16,23 @@ DRIVE = "test_a_drive_is_found_turns_stops_and_is_missed"
 MODULE = "test_a_servo_is_found_driven_stopped_and_missed"
 LAMP, PUMP = "test_a_device_of_home_assistant_is_a_part", "test_a_pump_by_tcp"
 SET = "test_settings_reach_the_device_survive_a_swap_and_are_undone"
+RANGE = "test_a_range_finder_gets_subjects_and_is_heard_and_missed"
+CYPHAL_SERVO = "test_a_servo_is_engaged_told_and_stopped"
 NODE = "test_a_genuine_node_is_found_with_the_ports_of_what_it_sends_and_is_missed"
 
 TRIED = {
-    "found, described": (NODE, DRIVE, LAMP, PUMP, MODULE),
-    "settings": ("test_a_genuine_servo_is_found_told_stopped_and_missed", DRIVE, SET, PUMP, MODULE),
-    "STOP confirmed": ("test_a_motor_controller_turns_and_confirms_stop_by_its_speed", DRIVE, LAMP, PUMP, MODULE),
-    "adopted, recorded, lost, explained": (WHOLE,) * 5,
-    "a spare of another world": (SWAP, SWAP, None, None, None),
+    "found, described": (NODE, RANGE, DRIVE, LAMP, PUMP, MODULE),
+    "settings": ("test_a_genuine_servo_is_found_told_stopped_and_missed", RANGE, DRIVE, SET, PUMP, MODULE),
+    "STOP confirmed": (
+        "test_a_motor_controller_turns_and_confirms_stop_by_its_speed",
+        CYPHAL_SERVO,
+        DRIVE,
+        LAMP,
+        PUMP,
+        MODULE,
+    ),
+    "adopted, recorded, lost, explained": (WHOLE,) * 6,
+    "a spare of another world": (SWAP, None, SWAP, None, None, None),
 }
 """The test of each cell, in the order of the page's columns; None: a gap."""
 

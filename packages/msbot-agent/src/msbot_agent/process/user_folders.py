@@ -32,6 +32,13 @@ def state_folder() -> Path:
     return user_state_path(APP, appauthor=False)
 
 
+def cache_folder() -> Path:
+    """Where this user's programs keep what they can make anew: `$XDG_CACHE_HOME/msbot` on Linux."""
+    from platformdirs import user_cache_path  # as above
+
+    return user_cache_path(APP, appauthor=False)
+
+
 def settings_folder(program: str) -> Path:
     """Where another program looks for this user's settings: `$XDG_CONFIG_HOME/PROGRAM` on Linux."""
     from platformdirs import user_config_path  # as above

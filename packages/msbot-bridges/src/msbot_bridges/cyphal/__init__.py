@@ -1,0 +1,1 @@
+"""Cyphal (UAVCAN v1): sensors, servos and batteries as parts"""

@@ -1,0 +1,347 @@
+"""The bridge's node, made with the library `pycyphal`: everything that is said and heard on the bus."""
+
+from __future__ import annotations
+
+import asyncio
+import importlib
+import logging
+from collections.abc import Callable, Coroutine, Iterable
+from typing import Any, Final
+
+import nunavut_support
+import pycyphal.application
+import uavcan.node
+import uavcan.node.port
+import uavcan.pnp
+from pycyphal.application.node_tracker import Entry, NodeTracker
+from pycyphal.presentation import Publisher, Subscriber
+from pycyphal.transport import Priority, TransferFrom
+from pycyphal.transport.can import CANTransport
+
+import can
+from msbot_bridges.bridge import DeviceIdentity, ForeignDevice, Value, WorldHost
+from msbot_bridges.cyphal.can_media import PythonCanMedia
+from msbot_bridges.cyphal.node_device import CyphalNode
+from msbot_bridges.cyphal.node_ids import GivenNodeIds, hash_of
+from msbot_bridges.cyphal.node_registers import RegisterSetting, SubjectPort, ports_of, settings_of
+from msbot_bridges.cyphal.port_types import Builtin
+from msbot_bridges.cyphal.register_access import IDENTIFY, RESTART, STORE, RegisterAccess, is_as_written
+from msbot_bridges.cyphal.subjects import Subjects
+
+REPEAT_S: Final = 0.1
+"""Actuators stop by themselves when they have heard nothing for a while."""
+MOST_LISTED: Final = 2048
+"""Subjects of a node's own list; a list of all says nothing."""
+MOST_GIVEN: Final = 128
+SEEN_UPTIME_S: Final = 2
+RESTART_S: Final = 10.0
+"""A node that has not started anew so long after it has been told does not restart by itself."""
+logging.getLogger("pycyphal").setLevel(logging.ERROR)
+_log = logging.getLogger("msbot.part")
+
+
+class CyphalBus:
+    """See `SubjectBus`, which it is for devices.
+
+    Args:
+        bus: it is closed with this.
+        node_id: the bridge's own.
+        host: is told what is found.
+        failed: called once when the bus has ended.
+    """
+
+    def __init__(self, bus: can.BusABC, node_id: int, host: WorldHost, failed: Callable[[Exception], None]) -> None:
+        self._host = host
+        self._devices: dict[int, CyphalNode] = {}
+        self._tasks: dict[int, set[asyncio.Task[None]]] = {}
+        self._publishers: dict[CyphalNode, dict[SubjectPort, Publisher[Any]]] = {}
+        self._subscribers: dict[CyphalNode, list[Subscriber[Any]]] = {}
+        self._given: dict[bytes, int] = {}
+        """Nodes that have got subjects and restart, by their unique id."""
+        self._node_is_closed = False
+        self._written: dict[tuple[int, str], Value] = {}
+        self._ids, self._subjects = GivenNodeIds(), Subjects()
+        self._bus, self._media = bus, PythonCanMedia(bus, failed)
+        transport = CANTransport(self._media, node_id)
+        registry = pycyphal.application.make_registry(environment_variables={})
+        info = pycyphal.application.NodeInfo(name="org.msbot.bridge")
+        self._node = pycyphal.application.make_node(info, registry, transport=transport)
+        self._registers = RegisterAccess(self._node)
+        self._tracker = NodeTracker(self._node)
+        self._tracker.add_update_handler(self._tracked)
+        self._answers = self._node.make_publisher(uavcan.pnp.NodeIDAllocationData_1)
+        self._hear(uavcan.pnp.NodeIDAllocationData_1, self._asked_for_id)
+        self._hear(uavcan.node.Heartbeat_1, self._heartbeat)
+        self._hear(uavcan.node.port.List_1, self._listed)
+        self._node.start()
+        self._repeating = asyncio.create_task(self._repeat())
+
+    async def close(self) -> None:
+        """Leave the bus."""
+        tasks = [self._repeating, *(task for tasks in self._tasks.values() for task in tasks)]
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+        await asyncio.sleep(0)  # what was published just now is handed to the bus
+        self._node_is_closed = True
+        self._node.close()
+        await self._media.closed()
+        await asyncio.to_thread(self._bus.shutdown)
+
+    def _hear(self, kind: Any, hear: Callable[[Any, TransferFrom], None]) -> None:  # noqa: ANN401
+        self._node.make_subscriber(kind).receive_in_background(hear)
+
+    # Who is there
+
+    def _tracked(self, node_id: int, old: Entry | None, new: Entry | None) -> None:
+        if new is None:
+            self._lose(node_id, f"node {node_id} has sent no heartbeat for 3 s")
+        elif new.info is None:
+            if old is not None:
+                self._lose(node_id, f"node {node_id} has started anew")
+        else:
+            self._lose(node_id, f"node {node_id} has started anew")
+            unique = bytes(new.info.unique_id)
+            if any(unique):
+                self._ids.seen(node_id, hash_of(unique))
+            self._begin(node_id, self._introduce(node_id, new.info))
+
+    def _lose(self, node_id: int, why: str) -> None:
+        for task in self._tasks.pop(node_id, ()):
+            task.cancel()
+        self._subjects.forget(node_id)
+        for key in [key for key in self._written if key[0] == node_id]:
+            del self._written[key]
+        if (device := self._devices.pop(node_id, None)) is not None:
+            self._host.lost(device, why)
+
+    async def _introduce(self, node_id: int, info: Any) -> None:  # noqa: ANN401
+        registers = await self._registers.read_all(node_id)
+        if registers is None:
+            self._host.say(f"node {node_id} does not answer when it is asked for its registers")
+            return
+        ports = ports_of(registers)
+        self._subjects.uses(node_id, "published", _subjects_of(ports.published))
+        self._subjects.uses(node_id, "subscribed", _subjects_of(ports.subscribed))
+        identity = identity_of(node_id, info)
+        device = CyphalNode(identity, node_id, ports, settings_of(registers), self)
+        if (entry := self._tracker.registry.get(node_id)) is not None:
+            device.heartbeat(int(entry.heartbeat.health.value), int(entry.heartbeat.mode.value))
+        if device.left_out:
+            self._host.say(f"{identity.part_number} (node {node_id}): ports left out: {', '.join(device.left_out)}")
+        if not device.used:
+            self._host.say(f"{identity.part_number} (node {node_id}) has no port for a part")
+            return
+        self._devices[node_id] = device
+        self._host.found(device)
+
+    def _heartbeat(self, told: Any, transfer: TransferFrom) -> None:  # noqa: ANN401
+        if (device := self._devices.get(_source(transfer))) is not None:
+            device.heartbeat(int(told.health.value), int(told.mode.value))
+
+    def _listed(self, told: Any, transfer: TransferFrom) -> None:  # noqa: ANN401
+        for how, listed in (("published list", told.publishers), ("subscribed list", told.subscribers)):
+            if listed.sparse_list is not None:
+                found = [int(one.value) for one in listed.sparse_list]
+            elif listed.mask is not None:
+                found = [int(one) for one in listed.mask.nonzero()[0][:MOST_LISTED]]
+            else:
+                found = []
+            self._subjects.uses(_source(transfer), how, found)
+
+    def _asked_for_id(self, told: Any, transfer: TransferFrom) -> None:  # noqa: ANN401
+        """Answer a node that has no node id."""
+        if transfer.source_node_id is not None:
+            _log.warning("node %d gives node ids, too: let only one do that", transfer.source_node_id)
+            return
+        unique_hash = int(told.unique_id_hash)
+        given = self._ids.give(unique_hash, self._tracker.registry.keys())
+        if given is None:
+            self._host.say("a node asks for a node id, and all are in use")
+            return
+        answer = uavcan.pnp.NodeIDAllocationData_1(unique_hash, [uavcan.node.ID_1(given)])
+        self._answers.priority = transfer.priority
+        self._answers.publish_soon(answer)
+
+    # SubjectBus
+
+    def take_in(self, device: CyphalNode) -> None:
+        """See `SubjectBus`."""
+        if why := self._conflict(device):
+            device.failed(why)
+            return
+        if any(port.subject is None for port in device.used):
+            self._begin(device.node_id, self._give_subjects(device))
+            return
+        self._given.pop(device.identity.unique, None)
+        for port in device.ports.published:
+            if port in device.used:
+                self._listen(device, port)
+
+    def _conflict(self, device: CyphalNode) -> str:
+        """Why the subjects of a node are not its own; empty: they are."""
+        node_id = device.node_id
+        for port in device.used:
+            if port.subject is None:
+                continue
+            is_told = port in device.ports.subscribed
+            others = self._subjects.others("published", port.subject, node_id)
+            if is_told:
+                others += self._subjects.others("subscribed", port.subject, node_id)
+            else:
+                others = [one for one in others if not self._publishes(one, port)]
+            if others:
+                return (
+                    f"nodes {node_id} and {others[0]} both have subject {port.subject}: "
+                    f"give {port.register} of node {node_id} another, and restart it"
+                )
+        return ""
+
+    def _publishes(self, node_id: int, like: SubjectPort) -> bool:
+        """Whether a node publishes on a subject with the same data type, so that both can be heard."""
+        device = self._devices.get(node_id)
+        ports = () if device is None else device.ports.published
+        return any((one.subject, one.type_name) == (like.subject, like.type_name) for one in ports)
+
+    def leave(self, device: CyphalNode) -> None:
+        """See `SubjectBus`."""
+        for subscriber in self._subscribers.pop(device, []):
+            subscriber.close()
+        for publisher in self._publishers.pop(device, {}).values():
+            asyncio.get_running_loop().call_later(REPEAT_S, publisher.close)  # the last order is still going out
+
+    def publish(self, device: CyphalNode, port: SubjectPort, fields: Builtin, *, urgent: bool) -> None:
+        """See `SubjectBus`."""
+        if port.subject is None or self._devices.get(device.node_id) is not device or self._node_is_closed:
+            return
+        publishers = self._publishers.setdefault(device, {})
+        if port not in publishers:
+            made = self._node.presentation.make_publisher(class_of(port.type_name), port.subject)
+            publishers[port] = made
+        publisher = publishers[port]
+        publisher.priority = Priority.EXCEPTIONAL if urgent else Priority.NOMINAL
+        publisher.publish_soon(nunavut_support.update_from_builtin(publisher.dtype(), fields))
+
+    def write(self, device: CyphalNode, setting: RegisterSetting, value: Value) -> None:
+        """See `SubjectBus`."""
+        self._written[device.node_id, setting.register] = value
+        self._begin(device.node_id, self._write(device, setting, value))
+
+    def restart(self, node_id: int) -> None:
+        """See `SubjectBus`."""
+        self._begin(node_id, self._command(node_id, RESTART, "restart"))
+
+    def identify(self, node_id: int) -> None:
+        """See `SubjectBus`."""
+        self._begin(node_id, self._command(node_id, IDENTIFY, "show itself"))
+
+    def news(self, device: ForeignDevice) -> None:
+        """See `SubjectBus`."""
+        self._host.news(device)
+
+    # What takes time
+
+    def _begin(self, node_id: int, work: Coroutine[Any, Any, None]) -> None:
+        task = asyncio.create_task(work)
+        tasks = self._tasks.setdefault(node_id, set())
+        tasks.add(task)
+
+        def ended(_: object) -> None:
+            tasks.discard(task)
+            if not task.cancelled() and (error := task.exception()) is not None:
+                _log.warning("node %d: %s: %s", node_id, type(error).__name__, error)
+
+        task.add_done_callback(ended)
+
+    def _listen(self, device: CyphalNode, port: SubjectPort) -> None:
+        assert port.subject is not None
+
+        def hear(told: Any, transfer: TransferFrom) -> None:  # noqa: ANN401
+            if transfer.source_node_id == device.node_id:
+                device.heard(port, told)
+
+        subscriber = self._node.presentation.make_subscriber(class_of(port.type_name), port.subject)
+        self._subscribers.setdefault(device, []).append(subscriber)
+        subscriber.receive_in_background(hear)
+
+    async def _give_subjects(self, device: CyphalNode) -> None:
+        """Give subjects to ports that have none, and have the node restart, as it has to for that."""
+        node_id = device.node_id
+        without = [port for port in device.used if port.subject is None]
+        if lost := next((port for port in without if not port.is_kept), None):
+            device.failed(f"node {node_id} has no subject in {lost.register}, and does not keep one that it is given")
+            return
+        if device.identity.unique in self._given:
+            device.failed(f"node {node_id} has not kept the subject that it was given in {without[0].register}")
+            return
+        subjects = self._subjects.give(device.identity.unique, [port.register for port in without])
+        for port in without:
+            subject = subjects.get(port.register)
+            answer = (
+                None if subject is None else await self._registers.write(node_id, port.register, "natural16", subject)
+            )
+            if answer is None or answer.values != (subject,):
+                device.failed(f"node {node_id} does not take subject {subject} in {port.register}")
+                return
+        self._given[device.identity.unique] = node_id
+        if len(self._given) > MOST_GIVEN:
+            del self._given[next(iter(self._given))]
+        await self._registers.command(node_id, STORE)  # some keep what they were given only then
+        self._host.say(f"{device.identity.part_number} (node {node_id}): its ports get subjects, and it restarts")
+        # A restart is seen by the time since the start, in whole seconds.
+        while self._tracker.registry[node_id].heartbeat.uptime < SEEN_UPTIME_S:  # noqa: ASYNC110 - the library counts it
+            await asyncio.sleep(REPEAT_S)
+        if await self._registers.command(node_id, RESTART):
+            await asyncio.sleep(RESTART_S)  # when it starts anew, this ends
+        device.failed(f"node {node_id} has got subjects for its ports: switch it off and on")
+
+    async def _command(self, node_id: int, command: int, what: str) -> None:
+        if not await self._registers.command(node_id, command):
+            self._host.say(f"node {node_id} does not {what} when it is told to")
+
+    async def _write(self, device: CyphalNode, setting: RegisterSetting, value: Value) -> None:
+        answer = await self._registers.write(device.node_id, setting.register, setting.kind, value)
+        if self._written.get((device.node_id, setting.register)) != value:
+            return  # another value was written since
+        if answer is None:
+            _log.warning("node %d has not answered that its %s is %s", device.node_id, setting.register, value)
+        elif not is_as_written(answer, value):
+            has = answer.values[0] if answer.values else "nothing"
+            _log.warning("node %d does not take %s for %s; it has %s", device.node_id, value, setting.register, has)
+
+    async def _repeat(self) -> None:
+        while True:
+            await asyncio.sleep(REPEAT_S)
+            for device in list(self._devices.values()):
+                device.repeat()
+
+
+def _source(transfer: TransferFrom) -> int:
+    """Who has sent it; -1: a node without an id."""
+    return -1 if transfer.source_node_id is None else int(transfer.source_node_id)
+
+
+def _subjects_of(ports: Iterable[SubjectPort]) -> list[int]:
+    return [one.subject for one in ports if one.subject is not None]
+
+
+def class_of(type_name: str) -> Any:  # noqa: ANN401
+    """The library's class of a data type: `uavcan.si.unit.length.Scalar.1.0`."""
+    *path, name, major, minor = type_name.split(".")
+    return getattr(importlib.import_module(".".join(path)), f"{name}_{major}_{minor}")
+
+
+def identity_of(node_id: int, info: Any) -> DeviceIdentity:  # noqa: ANN401
+    """Who a node says it is; its name is `com.maker.product`."""
+    maker, _, product = bytes(info.name).decode(errors="replace").rpartition(".")
+    hardware, software = info.hardware_version, info.software_version
+    unique = bytes(info.unique_id)
+    return DeviceIdentity(
+        maker,
+        product,
+        unique if any(unique) else b"node %d" % node_id,
+        f"Cyphal {product} of {maker}",
+        f"node {node_id}",
+        f"{hardware.major}.{hardware.minor}",
+        f"{software.major}.{software.minor}",
+    )

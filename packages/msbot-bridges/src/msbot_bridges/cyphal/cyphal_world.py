@@ -1,0 +1,49 @@
+"""The bridge's own node on a Cyphal bus: finds nodes, reads their registers, gives node ids and subjects.
+
+Everything is in the event loop, where the library `pycyphal` is at home; only the bus has threads.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from functools import partial
+from typing import Final
+
+from msbot_bridges.bridge import World, WorldHost
+from msbot_bridges.canbus import open_bus
+from msbot_bridges.cyphal.data_types import load_types
+from msbot_xrce.errors import LinkDown
+
+OWN_ID: Final = 125
+"""The two above are left to programs that watch the bus."""
+
+
+class CyphalWorld(World):
+    """All nodes of one bus.
+
+    Args:
+        address: `INTERFACE:CHANNEL[?bitrate=N]` of python-can.
+    """
+
+    def __init__(self, address: str) -> None:
+        self._address = address
+
+    async def run(self, host: WorldHost) -> None:
+        """See `World`."""
+        await load_types()
+        from msbot_bridges.cyphal.cyphal_bus import CyphalBus
+
+        bus = await asyncio.to_thread(open_bus, self._address)
+        ended: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+        node = CyphalBus(bus, OWN_ID, host, partial(_end, ended))
+        try:
+            await ended
+        except Exception as error:
+            raise LinkDown(f"{self._address}: {error}") from error
+        finally:
+            await node.close()
+
+
+def _end(ended: asyncio.Future[None], error: Exception) -> None:
+    if not ended.done():
+        ended.set_exception(error)

@@ -1,0 +1,265 @@
+"""A Cyphal node as a part: ports by the registers of its subjects, its STOP confirmed by what it publishes.
+
+STOP gives each input its safe value, and takes away the readiness of an actuator that has a readiness port: it is told
+STANDBY, in which it applies no force. What confirms that is its own report: the feedback that it is not ENGAGED;
+without such a feedback, a report of the same quantity with the safe value. A node that publishes neither cannot
+confirm it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from collections.abc import Set as AbstractSet
+from typing import Any, Final, Protocol
+
+from msbot.part import Message
+from msbot.part.messages.standard import Text, Trigger
+from msbot_bridges.bridge import DeviceIdentity, DeviceOutput, DeviceService, ForeignDevice, Input, Report, Value
+from msbot_bridges.cyphal.node_registers import NodePorts, RegisterSetting, SubjectPort, aspects_of
+from msbot_bridges.cyphal.port_types import ENGAGED, FEEDBACK, READINESS, STANDBY, Aspect, Builtin
+from msbot_xrce.lazy import dataclass
+
+NOMINAL, WARNING = 0, 3
+OPERATIONAL: Final = 0
+RESTART: Final = "restart"
+"""A service."""
+_MODES: Final = {1: "is starting", 2: "is in maintenance", 3: "is updating its software"}
+
+
+class SubjectBus(Protocol):
+    """What a device uses of its bus; returns at once."""
+
+    def take_in(self, device: CyphalNode) -> None:
+        """Give subjects to ports that have none, then listen to the others."""
+
+    def leave(self, device: CyphalNode) -> None:
+        """Listen to it no longer."""
+
+    def publish(self, device: CyphalNode, port: SubjectPort, fields: Builtin, *, urgent: bool) -> None:
+        """Send a message to one of its ports."""
+
+    def write(self, device: CyphalNode, setting: RegisterSetting, value: Value) -> None:
+        """Write a register."""
+
+    def restart(self, node_id: int) -> None:
+        """Have it restart."""
+
+    def identify(self, node_id: int) -> None:
+        """Have it show itself."""
+
+    def news(self, device: ForeignDevice) -> None:
+        """It has reported something."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Driven:
+    """An input of the part."""
+
+    port: SubjectPort
+    aspect: Aspect
+
+
+class CyphalNode(ForeignDevice):
+    """One node.
+
+    Args:
+        identity: from its GetInfo.
+        node_id: where it is.
+        ports: what its registers say.
+        settings: its other registers.
+        bus: the way to it.
+    """
+
+    services = (DeviceService(RESTART, Trigger, Text),)
+
+    def __init__(
+        self,
+        identity: DeviceIdentity,
+        node_id: int,
+        ports: NodePorts,
+        settings: Sequence[RegisterSetting],
+        bus: SubjectBus,
+    ) -> None:
+        self.identity, self.node_id, self.ports, self._bus = identity, node_id, ports, bus
+        self._heard = {one: list(aspects_of(one)) for one in ports.published if aspects_of(one)}
+        self._driven = {
+            name: _Driven(port, aspect)
+            for port in ports.subscribed
+            for name, aspect in aspects_of(port)
+            if aspect.write is not None
+        }
+        self.readiness = next((one for one in ports.subscribed if one.type_name == READINESS), None)
+        self.outputs = tuple(DeviceOutput(name, one.message) for told in self._heard.values() for name, one in told)
+        self.inputs = tuple(Input(name, one.aspect.message, safe=one.aspect.safe) for name, one in self._driven.items())
+        self._registers = {one.declared.name: one for one in settings}
+        self.settings = tuple(one.declared for one in settings)
+        self._has_feedback = any(one.type_name == FEEDBACK for one in self._heard)
+        self._last: dict[SubjectPort, Builtin] = {}
+        """What each of its ports was told last; repeated, because actuators stop by themselves when nobody speaks."""
+        self._told: dict[SubjectPort, str] = {}
+        """The input by which each port was driven last: that of an angle, or of a speed."""
+        self._is_in = self.is_stopping = False
+        self._unconfirmed = frozenset[str]()
+        self._report: Report | None = None
+        self._health, self._mode = NOMINAL, OPERATIONAL
+        self._trouble = ""
+
+    @property
+    def left_out(self) -> list[str]:
+        """Ports whose data type is unknown here, and that are no part's ports."""
+        known = (*self._heard, *(one.port for one in self._driven.values()), self.readiness)
+        return [
+            f"{one.name} ({one.type_name or 'no type'})"
+            for one in (*self.ports.published, *self.ports.subscribed)
+            if one not in known
+        ]
+
+    @property
+    def used(self) -> list[SubjectPort]:
+        """Its ports that the part has."""
+        driven = dict.fromkeys(one.port for one in self._driven.values())
+        return [*self._heard, *driven, *([self.readiness] if self.readiness is not None and driven else [])]
+
+    # The contract
+
+    def begin(self, report: Report) -> None:
+        """See `ForeignDevice`."""
+        self._report, self._is_in = report, True
+        self._bus.take_in(self)
+        self._be_ready(urgent=False)
+
+    def end(self) -> None:
+        """See `ForeignDevice`."""
+        self._be_ready(STANDBY, urgent=True)
+        self._report, self._is_in, self.is_stopping = None, False, False
+        self._last.clear()
+        self._bus.leave(self)
+
+    def act(self, port: str, message: Message) -> None:
+        """See `ForeignDevice`."""
+        if not self.is_stopping:
+            self._tell(port, message, urgent=False)
+
+    def rest(self) -> None:
+        """See `ForeignDevice`; each port has got its safe value."""
+
+    def set(self, name: str, value: Value) -> None:
+        """See `ForeignDevice`."""
+        self._bus.write(self, self._registers[name], value)
+
+    def stop(self) -> None:
+        """See `ForeignDevice`."""
+        if not self.is_stopping:
+            self.is_stopping = True
+            self._unconfirmed = frozenset({FEEDBACK}) if self._is_disengaged_by_stop else self._last_driven()
+        self._be_ready(STANDBY, urgent=True)
+        for name in self._last_driven():
+            if (safe := self._driven[name].aspect.safe) is not None:
+                self._tell(name, safe, urgent=True)
+
+    def go(self) -> None:
+        """See `ForeignDevice`."""
+        self.is_stopping = False
+        self._last.clear()
+        if self._is_in:
+            self._be_ready(urgent=False)
+
+    def serve(self, name: str, request: Message) -> Message:  # noqa: ARG002 - there is one
+        """See `ForeignDevice`."""
+        self._bus.restart(self.node_id)
+        return Text(text=f"node {self.node_id} was told to restart")
+
+    @property
+    def not_stopped(self) -> str:
+        """See `ForeignDevice`."""
+        if not self.is_stopping or not self._unconfirmed:
+            return ""
+        if FEEDBACK in self._unconfirmed:
+            return f"node {self.node_id} has not reported that it is disengaged"
+        if silent := sorted(name for name in self._unconfirmed if not self._confirming(name)):
+            return f"node {self.node_id} cannot report that {silent[0]} has its safe value"
+        return f"node {self.node_id} has not reported that {min(self._unconfirmed)} has its safe value"
+
+    @property
+    def fault(self) -> str:
+        """See `ForeignDevice`."""
+        if self._mode != OPERATIONAL:
+            return f"node {self.node_id} {_MODES.get(self._mode, f'is in mode {self._mode}')}"
+        if self._health == WARNING:
+            return f"node {self.node_id} says that its health is WARNING"
+        return self._trouble
+
+    def identify(self) -> None:
+        """See `ForeignDevice`."""
+        self._bus.identify(self.node_id)
+
+    # What its bus tells
+
+    def heartbeat(self, health: int, mode: int) -> None:
+        """Its heartbeat has come."""
+        before = self.fault
+        self._health, self._mode = health, mode
+        if self.fault != before:
+            self._bus.news(self)
+
+    def failed(self, why: str) -> None:
+        """It cannot be a part, as a sentence."""
+        if why != self._trouble:
+            self._trouble = why
+            self._bus.news(self)
+
+    def heard(self, port: SubjectPort, told: Any) -> None:  # noqa: ANN401 - the library makes its classes when it runs
+        """It has published a message."""
+        if self._report is None:
+            return
+        for name, aspect in self._heard[port]:
+            message = aspect.read(told)
+            self._report(name, message)
+            if self.is_stopping:
+                self._confirm(aspect, message)
+        if port.type_name == FEEDBACK and int(told.heartbeat.readiness.value) != ENGAGED and self.is_stopping:
+            self._confirmed({FEEDBACK})
+
+    def repeat(self) -> None:
+        """Send again what its ports were told last."""
+        for port, fields in self._last.items():
+            self._bus.publish(self, port, fields, urgent=self.is_stopping)
+
+    # Orders
+
+    def _tell(self, name: str, message: Message, *, urgent: bool) -> None:
+        driven = self._driven[name]
+        assert driven.aspect.write is not None
+        self._told[driven.port] = name
+        self._last[driven.port] = driven.aspect.write(message)
+        self._bus.publish(self, driven.port, self._last[driven.port], urgent=urgent)
+
+    def _be_ready(self, readiness: int = ENGAGED, *, urgent: bool) -> None:
+        if self.readiness is not None and self._driven:
+            self._last[self.readiness] = {"value": STANDBY if self.is_stopping else readiness}
+            self._bus.publish(self, self.readiness, self._last[self.readiness], urgent=urgent)
+
+    def _last_driven(self) -> frozenset[str]:
+        """For each port the input that drove it last; of one that was not driven, the last: a speed, not an angle."""
+        return frozenset(({one.port: name for name, one in self._driven.items()} | self._told).values())
+
+    # STOP
+
+    @property
+    def _is_disengaged_by_stop(self) -> bool:
+        return bool(self._driven) and self.readiness is not None and self._has_feedback
+
+    def _confirming(self, name: str) -> Sequence[Aspect]:
+        """The reports of the same quantity; more than one could be of something else."""
+        message = self._driven[name].aspect.message
+        same = [one for told in self._heard.values() for _, one in told if one.message is message]
+        return same if len(same) == 1 else ()
+
+    def _confirm(self, aspect: Aspect, message: Message) -> None:
+        if aspect.near(message):
+            self._confirmed({name for name in self._unconfirmed - {FEEDBACK} if aspect in self._confirming(name)})
+
+    def _confirmed(self, names: AbstractSet[str]) -> None:
+        if names & self._unconfirmed:
+            self._unconfirmed -= names
+            self._bus.news(self)

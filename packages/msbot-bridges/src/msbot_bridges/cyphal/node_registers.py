@@ -1,0 +1,141 @@
+"""What a node's registers say of it: ports with their subjects, and settings. Pure; needs no library.
+
+Registers are named values. `uavcan.pub.NAME.id` and `uavcan.sub.NAME.id` have the subject of each port, `.type` beside
+them its data type; a name with `<`, `>` or `=` behind it has the highest, the lowest and the first value of a register.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
+
+from msbot_bridges.bridge import DeviceSetting
+from msbot_bridges.cyphal.port_types import TYPES, Aspect
+from msbot_xrce.lazy import dataclass
+
+UNSET: Final = 0xFFFF
+"""What a port has in its register that has no subject."""
+LAST_SUBJECT: Final = 8191
+_PORT: Final = re.compile(r"uavcan\.(pub|sub)\.([\w.]+)\.id", re.ASCII)
+_NUMBERS: Final = re.compile(r"(integer|natural|real)(8|16|32|64)")
+
+
+@dataclass(frozen=True, slots=True)
+class Register:
+    """One register, as a node has told it."""
+
+    kind: str
+    """Which of the values of `uavcan.register.Value`: `natural16`, `string`."""
+    values: tuple[Any, ...]
+    """Its numbers, or its one text."""
+    is_mutable: bool = True
+    is_persistent: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class SubjectPort:
+    """One port of a node."""
+
+    name: str
+    register: str
+    """The name of the register with its subject."""
+    type_name: str
+    """Empty: the node does not say."""
+    subject: int | None
+    """None: it has none yet."""
+    is_kept: bool
+    """A subject that is written is there after a restart, too."""
+
+
+@dataclass(frozen=True, slots=True)
+class RegisterSetting:
+    """A register that is a setting."""
+
+    declared: DeviceSetting
+    register: str
+    kind: str
+
+
+@dataclass(frozen=True, slots=True)
+class NodePorts:
+    """All ports of a node."""
+
+    published: tuple[SubjectPort, ...]
+    subscribed: tuple[SubjectPort, ...]
+
+
+def ports_of(registers: Mapping[str, Register]) -> NodePorts:
+    """The ports that the registers name, in their order."""
+    found: dict[str, list[SubjectPort]] = {"pub": [], "sub": []}
+    for name, register in registers.items():
+        if (match := _PORT.fullmatch(name)) and register.kind == "natural16" and len(register.values) == 1:
+            kind = registers.get(f"{name.removesuffix('.id')}.type")
+            subject = int(register.values[0])
+            found[match[1]].append(
+                SubjectPort(
+                    match[2],
+                    name,
+                    str(kind.values[0]) if kind is not None and kind.kind == "string" else "",
+                    subject if subject <= LAST_SUBJECT else None,
+                    register.is_mutable and register.is_persistent,
+                )
+            )
+    return NodePorts(tuple(found["pub"]), tuple(found["sub"]))
+
+
+def aspects_of(port: SubjectPort) -> Sequence[tuple[str, Aspect]]:
+    """The ports of a part that a port is, by name; none: its data type is unknown here."""
+    return [(clean(port.name) + aspect.suffix, aspect) for aspect in TYPES.get(port.type_name, ())]
+
+
+def settings_of(registers: Mapping[str, Register]) -> list[RegisterSetting]:
+    """The registers that a person may set: those with one value, but for those of the standard."""
+    found: dict[str, RegisterSetting] = {}
+    for name, register in registers.items():
+        if name.startswith("uavcan.") or not re.fullmatch(r"[a-z_][\w.]*", name, re.ASCII) or not register.is_mutable:
+            continue
+        setting = _setting(clean(name), name, register, registers)
+        if setting is not None and setting.declared.name not in found:
+            found[setting.declared.name] = setting
+    return list(found.values())
+
+
+def clean(name: str) -> str:
+    """A name as ports and settings have them: without dots; programs have ports whose names are numbers."""
+    return ("subject_" if name[:1].isdigit() else "") + name.replace(".", "_")
+
+
+def _setting(name: str, of: str, register: Register, registers: Mapping[str, Register]) -> RegisterSetting | None:
+    if len(register.values) != 1:
+        return None
+    value = _beside(registers, of, "=", register)
+    value = register.values[0] if value is None else value
+    if register.kind == "bit":
+        return RegisterSetting(DeviceSetting(name, bool, bool(value)), of, register.kind)
+    if register.kind == "string":
+        return RegisterSetting(DeviceSetting(name, str, str(value)), of, register.kind)
+    numbers = _NUMBERS.fullmatch(register.kind)
+    if numbers is None:
+        return None
+    kind = float if numbers[1] == "real" else int
+    least, most = _beside(registers, of, ">", register), _beside(registers, of, "<", register)
+    if not math.isfinite(value):
+        return None
+    bits = int(numbers[2])
+    if kind is int and bits < 64:
+        lowest, highest = (0, (1 << bits) - 1) if numbers[1] == "natural" else (-(1 << bits - 1), (1 << bits - 1) - 1)
+        least, most = lowest if least is None else least, highest if most is None else most
+    declared = DeviceSetting(name, kind, kind(value), _number(least), _number(most))
+    return RegisterSetting(declared, of, register.kind)
+
+
+def _beside(registers: Mapping[str, Register], name: str, mark: str, like: Register) -> Any:  # noqa: ANN401
+    """The one value of the register with that mark; None: there is none of the same kind."""
+    other = registers.get(name + mark)
+    return other.values[0] if other is not None and (other.kind, len(other.values)) == (like.kind, 1) else None
+
+
+def _number(value: Any) -> float | None:  # noqa: ANN401
+    return None if value is None else float(value)

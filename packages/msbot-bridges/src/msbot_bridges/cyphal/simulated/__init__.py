@@ -1,0 +1,1 @@
+"""Simulated Cyphal devices, nodes of the library `pycyphal`"""
