@@ -12,6 +12,7 @@ import logging
 import time
 from collections.abc import Callable, Container, Sequence
 from functools import partial
+from random import Random
 from typing import Final
 
 import canopen
@@ -31,9 +32,7 @@ from msbot_bridges.canopen.sdo_requests import SdoRefused, SdoRequests
 from msbot_xrce.errors import ConfigError, LinkDown
 
 BEAT_S: Final = 0.25
-"""Period of the bridge's own heartbeat."""
-CHECK_S: Final = BEAT_S
-"""So often it is looked whether the bus has ended; orders do not wait for that."""
+"""Longest period of the bridge's own heartbeat."""
 _NMT: Final = 0x000
 _SDO_ANSWER, SDO_REQUEST, HEARTBEAT, EMERGENCY = 0x580, 0x600, 0x700, 0x080
 _REPORTS: Final = frozenset({EMERGENCY, 0x180, 0x280, 0x380, 0x480, _SDO_ANSWER, HEARTBEAT})
@@ -121,6 +120,8 @@ class CanopenBus:
         self._synchronous = set[int]()
         """Nodes with PDOs that need SYNC."""
         self._other_sync_at = -OTHER_SYNC_S
+        self._beat_at = self._sync_at = 0.0
+        self._random = Random()
         self._orders = WorldThread(f"CANopen on {address}")
         self._neighbours = Neighbours(address, f"node {OWN_ID}", lambda words: self._orders.tell(partial(say, words)))
         self._questions = WorldThread(f"questions on {address}")
@@ -273,25 +274,36 @@ class CanopenBus:
             network.connect()
             self._network = network
             self._orders.tell(self._is_open.set)
-            beat_at = sync_at = time.monotonic()
             while not self._orders.is_ended:
                 self._orders.work()
-                if time.monotonic() >= beat_at:
-                    beat_at = time.monotonic() + BEAT_S
-                    network.send_message(HEARTBEAT + OWN_ID, bytes([OPERATIONAL]))
-                if self._synchronous and time.monotonic() >= sync_at:
-                    sync_at = max(sync_at + SYNC_S, time.monotonic())
-                    if time.monotonic() - self._other_sync_at >= OTHER_SYNC_S:
-                        network.send_message(SYNC_ID, b"")
+                wait_s = min(self._beat(network), self._send_sync(network))
                 network.check()
-                self._orders.wait(
-                    CHECK_S if not self._synchronous else max(0.0, min(CHECK_S, sync_at - time.monotonic()))
-                )
+                self._orders.wait(wait_s)
             self._orders.work()  # what makes devices safe at the end
         except can.CanError as error:
             raise LinkDown(f"{self._address}: {error}") from error
         finally:
             network.disconnect()
+
+    def _beat(self, network: BridgeNetwork) -> float:
+        """Send the bridge's heartbeat when it is due; returns the time until the next."""
+        now = time.monotonic()
+        if now >= self._beat_at:
+            # Two bridges on one wire would otherwise send the same frame at the same time, and never hear each other.
+            self._beat_at = now + BEAT_S * self._random.uniform(0.8, 1.0)
+            network.send_message(HEARTBEAT + OWN_ID, bytes([OPERATIONAL]))
+        return max(0.0, self._beat_at - time.monotonic())
+
+    def _send_sync(self, network: BridgeNetwork) -> float:
+        """The same for SYNC, while it is needed."""
+        if not self._synchronous:
+            return BEAT_S
+        now = time.monotonic()
+        if now >= self._sync_at:
+            self._sync_at = max(self._sync_at + SYNC_S, now)
+            if now - self._other_sync_at >= OTHER_SYNC_S:
+                network.send_message(SYNC_ID, b"")
+        return max(0.0, self._sync_at - time.monotonic())
 
     def _ask(self) -> None:
         while not self._questions.is_ended:
