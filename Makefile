@@ -41,7 +41,7 @@ help:
 	@echo 'make wheel   make packages for other computers: dist/msbot*.whl'
 	@echo 'make deb     make a package for this release of Debian in build/debian'
 	@echo 'make requirements   write requirements/ anew; ARGS=--upgrade takes the newest versions'
-	@echo 'make docs    build the documentation site, with the API of the packages, into site/'
+	@echo 'make docs    build the documentation site, with the API of the packages, into site/ (needs npm, once)'
 	@echo 'make release make a release of what is committed into build/release, and try it; ARGS="--only 3.12"'
 
 $(BIN)/python:

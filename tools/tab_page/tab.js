@@ -22,6 +22,7 @@
 
   let worker = null;
   let heard = 0;
+  let program = null;
   let isHeld = false;
   let lastEvent = 0;
   const cards = new Map();
@@ -61,8 +62,9 @@
   const on = {
     loaded: (octets) => { loaded.value = octets / 1e6; },
     starting: () => say(status, "Starting…"),
-    program: (parts) => show(parts),
+    program: (parts) => { program = parts; },
     look: (text) => {
+      if (!heard) show(program);
       heard = Date.now();
       again.hidden = true;
       look(JSON.parse(text));

@@ -42,10 +42,10 @@ class Tab:
         self._failed("the robot has ended" if error is None else f"{type(error).__name__}: {error}")
 
     def act(self, command: str) -> None:
-        """Do what the page says."""
+        """Do what the page says, which it does once it has been told how the robot is."""
         robot = self._robot
-        if robot is not None:
-            self._loop.do(lambda: robot.act(command))
+        assert robot is not None
+        self._loop.do(lambda: robot.act(command))
 
 
 def _call_later(seconds: float, function: Callable[[], None]) -> None:

@@ -131,6 +131,7 @@ MISTAKES = [
     ("def light(:", "yours.py:5: invalid syntax"),
     ('@part.on("knob")\ndef light(level): pass', "yours.py:5: "),
     ("part = 3", "yours.py: the name `part` must stay the part of the first lines"),
+    ('part.calls("knob", Level, Switch)', "yours.py: part.calls: nobody in this robot answers"),
     ("1 / 0", "ZeroDivisionError: yours.py:5: division by zero"),
     ('@part.on("nob", Level)\ndef light(level): pass', "port 'nob': nothing will come in; bound in this robot: knob"),
     ('@part.on("knob", Level)\ndef light(level): level.volume', "yours.py:6 in light: AttributeError: "),

@@ -306,13 +306,13 @@ class DemoRobot:
         self._enter(plug)
         return True
 
-    def plug_program(self, name: str, part: Part, failed: Callable[[MsbotError], object]) -> bool:
+    def plug_program(self, name: str, part: Part, failed: Callable[[Exception], object]) -> bool:
         """Plug in the part of somebody's own program, with the UID of its place; False: see `plug`.
 
         Args:
             name: the place.
             part: what the program has made; nobody has run it yet.
-            failed: called with the program's mistake, if one ends the part; the robot goes on.
+            failed: called with what has ended the part, if it is a mistake; the robot goes on.
         """
         plug = self._plug(name)
         if plug.part is not None or self._tasks is None:
@@ -323,7 +323,7 @@ class DemoRobot:
         async def run(link: Link) -> None:
             try:
                 await part.run_async(link, epoch_ns=self._epoch_ns)
-            except MsbotError as error:
+            except Exception as error:  # whatever somebody's own program does
                 failed(error)
             if plug.part is part:  # it has ended by itself
                 self._wiring.pull(name)

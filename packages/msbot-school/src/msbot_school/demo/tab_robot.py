@@ -249,11 +249,8 @@ class TabRobot:
         except SyntaxError as error:
             self._said.append(f"{FILE}:{error.lineno}: {error.msg}")
             return
-        except MsbotError as error:
-            self._said.append(sentence(error))
-            return
         except Exception as error:
-            self._said.append(f"{type(error).__name__}: {sentence(error)}")
+            self._said.append(_words(error))
             return
         self.robot.plug_program(YOURS, part, self._ended)
 
@@ -263,14 +260,19 @@ class TabRobot:
         part = space.get("part")
         if not isinstance(part, Part):
             raise ConfigError(f"{FILE}: the name `part` must stay the part of the first lines")
+        if part.program.calls:
+            raise ConfigError(
+                f"{FILE}: part.calls: nobody in this robot answers, and a function cannot wait for a reply in a tab; "
+                "on a computer it can"
+            )
         return part
 
     def _print(self, *values: object, sep: str | None = None, end: str | None = None, **_: object) -> None:
         text = (" " if sep is None else sep).join(map(str, values)) + ("" if end is None else end)
         self._said.extend(text.rstrip("\n").splitlines() or [""])
 
-    def _ended(self, error: MsbotError) -> None:
-        self._said.append(sentence(error))
+    def _ended(self, error: Exception) -> None:
+        self._said.append(_words(error))
 
     # What the page is told
 
@@ -306,7 +308,7 @@ class TabRobot:
                 "frames": list(self._shown),
                 "program": [*self._said],
                 # What its part has logged, as the master heard it.
-                "log": [line.words for line in robot.master.inventory.lines_of(YOURS)],
+                "log": [one.words for one in robot.master.inventory.lines_of(YOURS) if one.words not in self._said],
                 "answer": self._answer,
             }
         )
@@ -332,6 +334,10 @@ class TabRobot:
             words = self._words.explain_frame(frame, at)
             plain = " / ".join(islice(words.plain or words.about, 2))
             self._shown.append({"number": number, "sender": sender, "frame": show_frame(frame), "words": plain})
+
+
+def _words(error: Exception) -> str:
+    return sentence(error) if isinstance(error, MsbotError) else f"{type(error).__name__}: {sentence(error)}"
 
 
 def _device(unit: SimulatedPart | None) -> dict[str, object]:
@@ -363,6 +369,5 @@ class _ProgramErrors(logging.Handler):
         self._say = say
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Pass on what names a line of the program."""
-        if (words := record.getMessage()).startswith(FILE):
-            self._say(words)
+        """Pass it on."""
+        self._say(record.getMessage())
