@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import asyncio
 import math
+import threading
+import time
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
-from typing import Any
+from typing import Any, ClassVar
 from uuid import uuid4
 
 import pytest
@@ -32,8 +34,10 @@ async def living(node: Any) -> AsyncIterator[Callable[[], object]]:
 
 
 @asynccontextmanager
-async def plugged(kind: str, node_id: int = 42) -> AsyncIterator[tuple[Any, ForeignDevice, Host]]:
-    """A simulated node, and the device that the bridge makes of it."""
+async def plugged(
+    kind: str, node_id: int = 42, change: Callable[[Any], None] = lambda _: None
+) -> AsyncIterator[tuple[Any, ForeignDevice, Host]]:
+    """A simulated node, changed before it lives, and the device that the bridge makes of it."""
     from msbot_bridges.cyphal.cyphal_world import CyphalWorld
     from msbot_bridges.cyphal.data_types import load_types
 
@@ -43,6 +47,7 @@ async def plugged(kind: str, node_id: int = 42) -> AsyncIterator[tuple[Any, Fore
 
     bus = f"msbot:{uuid4().hex[:12]}"
     node: Any = {"range": SimulatedRange, "servo": SimulatedCyphalServo}[kind](bus, node_id)
+    change(node)
     async with running(CyphalWorld(bus)) as host, living(node) as node.pull:
         yield node, await host.devices.get(), host
 
@@ -112,3 +117,111 @@ async def test_a_node_without_an_id_gets_one_and_is_missed() -> None:
         assert device.identity.where == "node 124"
         node.pull()
         assert await host.lost_why.get() == "node 124 has sent no heartbeat for 3 s"
+
+
+async def test_a_node_that_does_not_restart_is_named() -> None:
+    from msbot_bridges.cyphal.data_types import load_types
+
+    await load_types()
+    import uavcan.node
+
+    async def refuse(*_: object) -> object:
+        return uavcan.node.ExecuteCommand_1_3.Response(status=3)
+
+    async with plugged("range", change=lambda node: setattr(node, "_commanded", refuse)) as (node, device, host):
+        device.begin(lambda _port, _message: None)
+        await host.until(lambda: device.fault)
+        assert device.fault == "node 42 has got subjects for its ports: switch it off and on"
+        assert int(node.node.registry["uavcan.pub.distance.id"]) == 2048
+
+
+async def test_two_nodes_that_obey_one_subject_are_named() -> None:
+    from msbot_bridges.cyphal.cyphal_world import CyphalWorld
+    from msbot_bridges.cyphal.data_types import load_types
+
+    await load_types()
+    from pycyphal.application.register import Natural16, Value
+
+    from msbot_bridges.cyphal.simulated.servo import SimulatedCyphalServo
+
+    class Configured(SimulatedCyphalServo):
+        """As somebody has set it up: all that are set up so obey the same subjects."""
+
+        def set_up(self, node: Any) -> None:
+            for number, name in enumerate(("sub.angle", "sub.readiness")):
+                node.registry.setdefault(f"uavcan.{name}.id", Value(natural16=Natural16([100 + number])))
+            for number, name in enumerate(("pub.feedback", "pub.position")):
+                value = Value(natural16=Natural16([200 + 10 * self.node_id + number]))
+                node.registry.setdefault(f"uavcan.{name}.id", value)
+            super().set_up(node)
+
+    bus = f"msbot:{uuid4().hex[:12]}"
+    one, two = Configured(bus, 41), Configured(bus, 42)
+    async with running(CyphalWorld(bus)) as host, living(one):
+        first = await host.devices.get()
+        reports = Reports()
+        first.begin(reports)
+        first.act("angle", Angle(degrees=0))
+        await reports.until(lambda last: "position" in last)
+        assert one.restarts == 0, "it has its subjects"
+        async with living(two):
+            second = await host.devices.get()
+            assert await host.said.get() in {
+                f"node 42 hears the orders to node 41: both have subject {subject}" for subject in (100, 101)
+            }
+            second.begin(lambda _port, _message: None)
+            assert second.fault.startswith("nodes 42 and 41 both have subject 10")
+            assert second.fault.endswith("of node 42 another, and restart it")
+            assert not first.fault
+
+
+async def test_orders_go_out_by_their_identifiers_and_a_bus_that_ends_is_told() -> None:
+    import can
+    from msbot_bridges.cyphal.can_media import PythonCanMedia
+    from msbot_bridges.cyphal.data_types import load_types
+
+    await load_types()
+    from pycyphal.transport.can.media import DataFrame, Envelope, FilterConfiguration, FrameFormat
+
+    may_end, may_send = threading.Event(), threading.Event()
+
+    class Bus:
+        channel_info = "a bus"
+        sent: ClassVar[list[int]] = []
+
+        def recv(self, timeout: float | None = None) -> can.Message | None:
+            if timeout and may_end.wait(timeout):
+                raise can.CanOperationError("the adapter is gone")
+            return None
+
+        def send(self, message: can.Message, timeout: float | None = None) -> None:
+            may_send.wait()
+            self.sent.append(message.arbitration_id)
+
+    ended = asyncio.get_running_loop().create_future()
+    media = PythonCanMedia(Bus(), ended.set_result)  # type: ignore[arg-type]  # it has what is used
+    media.configure_acceptance_filters([FilterConfiguration.new_promiscuous()])
+    media.start(lambda _: None, False)
+
+    async def send(identifier: int) -> None:
+        frame = DataFrame(FrameFormat.EXTENDED, identifier, bytearray(b"x"))
+        assert await media.send([Envelope(frame, loopback=False)], time.monotonic() + 60) == 1
+
+    await send(5)
+    for identifier in (9, 7, 1, 7):
+        await send(identifier)
+    may_send.set()
+    may_end.set()
+    assert str(await ended) == "the adapter is gone"
+    media.close()
+    await media.closed()
+    assert Bus.sent[-4:] in ([1, 7, 7, 9], [5, 7, 7, 9]), Bus.sent
+    assert Bus.sent[:1] in ([5], [1]), "the first may be on its way already"
+
+
+async def test_another_bridge_on_the_bus_is_named() -> None:
+    from msbot_bridges.cyphal.cyphal_world import CyphalWorld
+
+    bus = f"msbot:{uuid4().hex[:12]}"
+    async with running(CyphalWorld(bus)) as host, running(CyphalWorld(bus)):
+        assert "somebody else on this bus is node 125" in await host.said.get()

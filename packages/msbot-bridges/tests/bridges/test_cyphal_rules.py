@@ -11,7 +11,18 @@ from typing import Any
 import pytest
 
 from msbot.part import Message
-from msbot.part.messages.standard import Angle, Battery, Distance, Number, Speed, Switch, Temperature, Text, Vector
+from msbot.part.messages.standard import (
+    Angle,
+    Battery,
+    Distance,
+    Level,
+    Number,
+    Speed,
+    Switch,
+    Temperature,
+    Text,
+    Vector,
+)
 from msbot_bridges.bridge import DeviceIdentity, ForeignDevice, Value
 from msbot_bridges.cyphal.node_device import CyphalNode
 from msbot_bridges.cyphal.node_ids import GivenNodeIds, hash_of
@@ -145,6 +156,7 @@ def test_a_battery_says_how_full_it_is() -> None:
         ("uavcan.primitive.scalar.Integer8.1.0", Number(value=1000.0), {"value": 127}),
         ("uavcan.primitive.scalar.Natural16.1.0", Number(value=-3.0), {"value": 0}),
         ("uavcan.primitive.scalar.Bit.1.0", Switch(on=True), {"value": True}),
+        ("reg.udral.service.actuator.common.sp.Scalar.0.1", Level(percent=-50.0), {"value": -0.5}),
         (ANGLE, Angle(degrees=180.0), {"radian": math.pi}),
         (SPEED, Speed(rpm=30.0), {"radian_per_second": math.pi}),
     ],
@@ -195,6 +207,19 @@ def test_without_feedback_a_report_of_the_same_quantity_confirms_stop() -> None:
     assert bus.sent[-1] == ("speed", {"radian_per_second": 0.0}, True)
     for radian_per_second, why in ((3.0, "node 9 has not reported that speed has its safe value"), (0.0, "")):
         made.heard(made.ports.published[0], SimpleNamespace(radian_per_second=radian_per_second))
+        assert made.not_stopped == why
+
+
+def test_the_safe_value_of_the_library_is_sent_and_waited_for() -> None:
+    made, bus = stopped_by_reports(
+        port("sub", "axis", 1, PLANAR), port("pub", "position", 2, "uavcan.si.sample.angle.Scalar.1.0")
+    )
+    made.safe_is("axis_angle", Angle(degrees=90))
+    made.stop()
+    name, fields, _ = bus.sent[-1]
+    assert (name, fields["kinematics"]["angular_position"]["radian"]) == ("axis", pytest.approx(math.pi / 2))
+    for radian, why in ((0.0, "node 9 has not reported that axis_angle has its safe value"), (1.58, "")):
+        made.heard(made.ports.published[0], SimpleNamespace(radian=radian))
         assert made.not_stopped == why
 
 

@@ -19,7 +19,7 @@ from pycyphal.transport import ResourceClosedError, Timestamp
 from pycyphal.transport.can.media import DataFrame, Envelope, FilterConfiguration, FrameFormat, Media
 
 import can
-from msbot_bridges.canbus import FrameSender
+from msbot_bridges.canbus import BEACON_ID, FrameSender
 
 MOST_FRAMES: Final = 1000
 """Frames that wait; beyond, the library is told that it cannot send."""
@@ -35,9 +35,16 @@ class PythonCanMedia(Media):  # type: ignore[misc]  # the library is not looked 
     Args:
         bus: it stays open.
         failed: called in the event loop, once, when the bus has ended.
+        standard: called in the event loop with a frame that may be a BEACON of MsBOT's own parts.
     """
 
-    def __init__(self, bus: can.BusABC, failed: Callable[[Exception], None] = lambda _: None) -> None:
+    def __init__(
+        self,
+        bus: can.BusABC,
+        failed: Callable[[Exception], None] = lambda _: None,
+        standard: Callable[[int, bytes], None] = lambda _id, _data: None,
+    ) -> None:
+        self._standard = standard
         self._bus, self._sender, self._failed = bus, FrameSender(bus), failed
         self._loop = asyncio.get_running_loop()
         self._handler: Callable[[_Received], None] = lambda _: None
@@ -131,7 +138,11 @@ class PythonCanMedia(Media):  # type: ignore[misc]  # the library is not looked 
         while not self._is_closed:
             received, message = _Received(), self._bus.recv(LISTEN_S)
             while message is not None:
-                if message.is_extended_id and not (message.is_error_frame or message.is_remote_frame):
+                is_data = not (message.is_error_frame or message.is_remote_frame)
+                if is_data and not message.is_extended_id:
+                    if message.arbitration_id == BEACON_ID:
+                        self._call(self._standard, message.arbitration_id, bytes(message.data))
+                elif is_data:
                     identifier = message.arbitration_id
                     if any(not (identifier ^ one.identifier) & one.mask for one in self._filters):
                         frame = DataFrame(FrameFormat.EXTENDED, identifier, bytearray(message.data))

@@ -20,6 +20,7 @@ from pycyphal.transport.can import CANTransport
 
 import can
 from msbot_bridges.bridge import DeviceIdentity, ForeignDevice, Value, WorldHost
+from msbot_bridges.canbus import Neighbours
 from msbot_bridges.cyphal.can_media import PythonCanMedia
 from msbot_bridges.cyphal.node_device import CyphalNode
 from msbot_bridges.cyphal.node_ids import GivenNodeIds, hash_of
@@ -45,12 +46,15 @@ class CyphalBus:
 
     Args:
         bus: it is closed with this.
+        address: of the bus, for people.
         node_id: the bridge's own.
         host: is told what is found.
         failed: called once when the bus has ended.
     """
 
-    def __init__(self, bus: can.BusABC, node_id: int, host: WorldHost, failed: Callable[[Exception], None]) -> None:
+    def __init__(
+        self, bus: can.BusABC, address: str, node_id: int, host: WorldHost, failed: Callable[[Exception], None]
+    ) -> None:
         self._host = host
         self._devices: dict[int, CyphalNode] = {}
         self._tasks: dict[int, set[asyncio.Task[None]]] = {}
@@ -61,7 +65,8 @@ class CyphalBus:
         self._node_is_closed = False
         self._written: dict[tuple[int, str], Value] = {}
         self._ids, self._subjects = GivenNodeIds(), Subjects()
-        self._bus, self._media = bus, PythonCanMedia(bus, failed)
+        self._neighbours = Neighbours(address, f"node {node_id}", host.say)
+        self._bus, self._media = bus, PythonCanMedia(bus, failed, self._neighbours.standard)
         transport = CANTransport(self._media, node_id)
         registry = pycyphal.application.make_registry(environment_variables={})
         info = pycyphal.application.NodeInfo(name="org.msbot.bridge")
@@ -133,9 +138,23 @@ class CyphalBus:
             self._host.say(f"{identity.part_number} (node {node_id}) has no port for a part")
             return
         self._devices[node_id] = device
+        self._warn_of_listener(device)
         self._host.found(device)
 
+    def _warn_of_listener(self, newcomer: CyphalNode) -> None:
+        """Messages have no receiver: say which orders a node obeys though they are for another one."""
+        mine = {port.subject for port in newcomer.ports.subscribed if port.subject is not None}
+        for device, ports in self._publishers.items():
+            for port in ports:
+                if port.subject in mine and device is not newcomer:
+                    self._host.say(
+                        f"node {newcomer.node_id} hears the orders to node {device.node_id}: "
+                        f"both have subject {port.subject}"
+                    )
+
     def _heartbeat(self, told: Any, transfer: TransferFrom) -> None:  # noqa: ANN401
+        if _source(transfer) == self._node.id:
+            self._neighbours.own()
         if (device := self._devices.get(_source(transfer))) is not None:
             device.heartbeat(int(told.health.value), int(told.mode.value))
 

@@ -35,7 +35,7 @@ class CyphalWorld(World):
 
         bus = await asyncio.to_thread(open_bus, self._address)
         ended: asyncio.Future[None] = asyncio.get_running_loop().create_future()
-        node = CyphalBus(bus, OWN_ID, host, partial(_end, ended))
+        node = CyphalBus(bus, self._address, OWN_ID, host, partial(_end, ended))
         try:
             await ended
         except Exception as error:

@@ -98,6 +98,8 @@ class CyphalNode(ForeignDevice):
         """What each of its ports was told last; repeated, because actuators stop by themselves when nobody speaks."""
         self._told: dict[SubjectPort, str] = {}
         """The input by which each port was driven last: that of an angle, or of a speed."""
+        self._safe: dict[str, Message] = {}
+        """The safe values that the robot's library has for inputs, where it has others."""
         self._is_in = self.is_stopping = False
         self._unconfirmed = frozenset[str]()
         self._report: Report | None = None
@@ -147,6 +149,11 @@ class CyphalNode(ForeignDevice):
         """See `ForeignDevice`."""
         self._bus.write(self, self._registers[name], value)
 
+    def safe_is(self, port: str, message: Message) -> None:
+        """See `ForeignDevice`: `stop` sends it, and waits for it."""
+        self._safe[port] = message
+        self._told.setdefault(self._driven[port].port, port)
+
     def stop(self) -> None:
         """See `ForeignDevice`."""
         if not self.is_stopping:
@@ -154,8 +161,7 @@ class CyphalNode(ForeignDevice):
             self._unconfirmed = frozenset({FEEDBACK}) if self._is_disengaged_by_stop else self._last_driven()
         self._be_ready(STANDBY, urgent=True)
         for name in self._last_driven():
-            if (safe := self._driven[name].aspect.safe) is not None:
-                self._tell(name, safe, urgent=True)
+            self._tell(name, self._safe_of(name), urgent=True)
 
     def go(self) -> None:
         """See `ForeignDevice`."""
@@ -239,6 +245,13 @@ class CyphalNode(ForeignDevice):
             self._last[self.readiness] = {"value": STANDBY if self.is_stopping else readiness}
             self._bus.publish(self, self.readiness, self._last[self.readiness], urgent=urgent)
 
+    def _safe_of(self, name: str) -> Message:
+        if (safe := self._safe.get(name)) is not None:
+            return safe
+        safe = self._driven[name].aspect.safe
+        assert safe is not None
+        return safe
+
     def _last_driven(self) -> frozenset[str]:
         """For each port the input that drove it last; of one that was not driven, the last: a speed, not an angle."""
         return frozenset(({one.port: name for name, one in self._driven.items()} | self._told).values())
@@ -256,8 +269,8 @@ class CyphalNode(ForeignDevice):
         return same if len(same) == 1 else ()
 
     def _confirm(self, aspect: Aspect, message: Message) -> None:
-        if aspect.near(message):
-            self._confirmed({name for name in self._unconfirmed - {FEEDBACK} if aspect in self._confirming(name)})
+        waiting = [name for name in self._unconfirmed - {FEEDBACK} if aspect in self._confirming(name)]
+        self._confirmed({name for name in waiting if aspect.near(message, self._safe_of(name))})
 
     def _confirmed(self, names: AbstractSet[str]) -> None:
         if names & self._unconfirmed:

@@ -34,19 +34,18 @@ class Aspect:
     """Of the port's name, where a type has several."""
     safe: Message | None = None
     """The value when nobody is in command."""
-    near: Callable[[Message], bool] = field(default=lambda _: False)
-    """Whether a report is the safe value."""
+    near: Callable[[Message, Message], bool] = field(default=lambda report, safe: report == safe)
+    """Whether a report is a safe value, as nearly as devices are there."""
 
 
 def _scalar(field_name: str, unit: str) -> Aspect:
     what = quantity(unit) if unit else NUMBER
-    safe = what.make(0.0)
     return Aspect(
         what.message,
         lambda told: _made(what, float(getattr(told, field_name))),
         lambda message: {field_name: what.number(message)},
-        safe=safe,
-        near=lambda message: abs(_value(what, message) - _value(what, safe)) <= _NEAR.get(what.message, 0.01),
+        safe=what.make(0.0),
+        near=lambda report, safe: abs(_value(what, report) - _value(what, safe)) <= _NEAR.get(what.message, 0.01),
     )
 
 
@@ -154,7 +153,6 @@ def _types() -> dict[str, tuple[Aspect, ...]]:
                 lambda told: Switch(on=bool(told.value)),
                 lambda message: {"value": message.on},  # type: ignore[attr-defined]  # a Switch
                 safe=Switch(on=False),
-                near=lambda message: not message.on,  # type: ignore[attr-defined]
             ),
         ),
         "uavcan.primitive.String.1.0": (
@@ -173,6 +171,14 @@ def _types() -> dict[str, tuple[Aspect, ...]]:
         ),
         f"{udral}.electricity.SourceTs.0.1": (Aspect(Battery, _battery),),
         f"{udral}.electricity.PowerTs.0.1": (Aspect(Battery, _power),),
+        "reg.udral.service.actuator.common.sp.Scalar.0.1": (
+            Aspect(
+                Level,
+                lambda told: Level(percent=100 * float(told.value)),
+                lambda message: {"value": message.percent / 100},  # type: ignore[attr-defined]  # a Level
+                safe=Level(percent=0.0),
+            ),
+        ),
         FEEDBACK: (Aspect(Level, lambda told: Level(percent=float(told.demand_factor_pct))),),
     }
     for kind in ("Real16", "Real32", "Real64"):
