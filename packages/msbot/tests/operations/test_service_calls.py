@@ -6,14 +6,23 @@ import asyncio
 from pathlib import Path
 
 import pytest
+from click.testing import CliRunner
 
+from msbot.cli.topic import topic_commands
 from msbot.operations.service_calls import MOST_OPEN
 from msbot.part import HelloWorld
 from msbot.pnp import Freeze
 from msbot_xrce.errors import CallError
-from tests.operations.stage import AA_IS_A_DIAL, Stage, play
+from tests.operations.stage import AA_IS_A_DIAL, DIAL, Stage, play
 
 TYPE = "HelloWorld -> HelloWorld"
+LOOK = 'name = "look"\ndirection = "serve"\nrequest = "Angle"\nreply = "Reach"'
+REACH = """
+[[type]]
+name = "Reach"
+fields = { span = "float32", last = "Distance" }
+units = { span = "cm" }
+"""
 
 
 async def wired(stage: Stage) -> None:
@@ -82,3 +91,36 @@ def test_a_part_that_never_answers_and_people_who_ask_again_and_again(tmp_path: 
         assert sum(f"{MOST_OPEN} calls wait for replies already" in str(end) for end in ends) == 3
 
     play(tmp_path, scene, AA_IS_A_DIAL, parts=("AA=DIAL",))
+
+
+def test_a_service_is_shown_with_the_fields_and_units_of_request_and_reply(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found: dict[str, object] = {}
+    dial = (
+        DIAL.replace('name = "echo"\ndirection = "serve"\nrequest = "HelloWorld"\nreply = "HelloWorld"', LOOK) + REACH
+    )
+    assert dial != DIAL + REACH
+
+    async def scene(stage: Stage) -> None:
+        await stage.do.bind("look", "Angle -> Reach", "AA.look", [], who="ann")
+        (one,) = [one for one in (await stage.do.topics(who="ann")).answer["topics"] if one["topic"] == "look"]  # type: ignore[attr-defined]
+        found.update(one)
+
+    play(tmp_path, scene, AA_IS_A_DIAL, parts=("AA=DIAL",), dial=dial)
+    monkeypatch.setattr(topic_commands.RobotTopics, "topic", lambda *_: found)
+    monkeypatch.setattr(topic_commands.RobotTopics, "__init__", lambda *_: None)
+    assert CliRunner().invoke(topic_commands.command, ["info", "look", "-v"]).output.splitlines() == [
+        "Type: Angle -> Reach",
+        "Request: Angle",
+        "  degrees: float32 °",
+        "Reply: Reach",
+        "  span: float32 cm",
+        "  last: Distance",
+        "    metres: float32 m",
+        "    in_range: bool",
+        "Server count: 1",
+        "  AA.look  (DIAL)",
+        "Client count: 0",
+        "Requests so far: 0 published, 0 delivered",
+    ]

@@ -7,6 +7,7 @@ from collections.abc import Awaitable, Callable
 from dataclasses import dataclass, field
 from random import Random
 
+from msbot import CallError, Number
 from msbot.config import Blueprint, PartType, RobotProfile, Slot
 from msbot.master import Master
 from msbot.part import HelloWorld, Part
@@ -19,6 +20,8 @@ from msbot_agent.link.relay import PartsRelay
 
 TOPIC = SlotBinding("say", "topic", "HelloWorld", publishes=True)
 HEARS = SlotBinding("hear", "topic", "HelloWorld", publishes=False)
+SERVES = SlotBinding("halve", "half", "Number -> Number", publishes=True)
+CALLS = SlotBinding("ask", "half", "Number -> Number", publishes=False)
 
 
 @dataclass
@@ -35,6 +38,8 @@ class Stage:
     """What the relay said to people."""
     events: list[PartEvent] = field(default_factory=list)
     heard: list[int] = field(default_factory=list)
+    answers: list[object] = field(default_factory=list)
+    """How the calls of `ask` have ended: a number, or a sentence."""
     end_relay: Callable[[], object] = lambda: None
 
     def cut(self) -> None:
@@ -45,21 +50,30 @@ class Stage:
         """Mend it."""
         self.cable.disturbance.drop = 0.0
 
+    def ask(self, value: float, timeout_s: float = 1.0) -> None:
+        """Have the ear call the mouth's service."""
+
+        def replied(reply: Number | None, error: str) -> None:
+            self.answers.append(error if reply is None else reply.value)
+
+        self.ear.call("ask", Number(value=value), timeout=timeout_s, on_reply=replied)
+
     def states(self) -> dict[str, str]:
         """Part number -> state, as the master has it."""
         now = asyncio.get_running_loop().time()
         return {info.part_number: info.state.value for info in self.master.inventory.view(now) if info.part_number}
 
 
-def play(scene: Callable[[Stage], Awaitable[None]], *, drop: float = 0.0) -> Stage:
-    """Run a scene that begins when both parts are active."""
+def play(scene: Callable[[Stage], Awaitable[None]], *, drop: float = 0.0, services: bool = False) -> Stage:
+    """Run a scene that begins when both parts are active; perhaps the mouth serves what the ear calls."""
+    of_mouth, of_ear = ((SERVES,), (CALLS,)) if services else ((), ())
 
     async def main() -> Stage:
         slots = (Slot("mouth", "MOUTH"), Slot("ear", "EAR"))
         store = MemoryStore(
             types=(PartType("MOUTH", "Mouth"), PartType("EAR", "Ear")),
             slots=slots,
-            configurations=(Configuration(1, "mouth", (TOPIC,)), Configuration(1, "ear", (HEARS,))),
+            configurations=(Configuration(1, "mouth", (TOPIC, *of_mouth)), Configuration(1, "ear", (HEARS, *of_ear))),
         )
         blueprint = Blueprint(RobotProfile("R", "1", "2", "3", "4"), slots)
         master = Master(blueprint, store, random=Random(3), epoch_ns=lambda: 0)
@@ -83,6 +97,14 @@ def play(scene: Callable[[Stage], Awaitable[None]], *, drop: float = 0.0) -> Sta
         @ear.on("hear", HelloWorld)
         def heard(message: HelloWorld) -> None:
             stage.heard.append(message.index)
+
+        ear.calls("ask", Number, Number)
+
+        @mouth.serves("halve", Number, Number)
+        def halve(request: Number) -> Number:
+            if request.value < 0:
+                raise CallError("nothing below zero")
+            return Number(value=request.value / 2)
 
         async with asyncio.TaskGroup() as tasks:
             running = [tasks.create_task(master.run())]

@@ -7,9 +7,11 @@ import pytest
 from msbot.part import HelloWorld
 from msbot.part.join.joining import JoinState
 from msbot.process.virtual_time import run_virtual
-from msbot_agent.link import BaseLink, LinkInfo, Peer, Signal
+from msbot_agent.explain.relay_words import relay_words
+from msbot_agent.link import BaseLink, LinkInfo, LossyLink, Peer, Signal
 from msbot_agent.link.relay import PartsRelay
 from msbot_xrce.errors import ConfigError, LinkDown
+from msbot_xrce.message_words import explain
 from tests.link.relay.stage import Stage, play
 
 
@@ -30,6 +32,40 @@ def test_parts_behind_a_relay_are_parts_of_the_robot_and_the_master_says_where_t
 
     stage = play(scene)
     assert stage.heard == list(range(20))
+
+
+def test_a_call_goes_through_a_relay_and_its_packets_are_explained(monkeypatch: pytest.MonkeyPatch) -> None:
+    packets: list[bytes] = []
+    send = LossyLink.send
+
+    def listen(link: LossyLink, packet: bytes, peer: Peer) -> None:
+        packets.append(packet)
+        send(link, packet, peer)
+
+    monkeypatch.setattr(LossyLink, "send", listen)
+
+    async def scene(stage: Stage) -> None:
+        packets.clear()
+        stage.ask(9.0)
+        await asyncio.sleep(1)
+        stage.ask(-1.0)
+        await asyncio.sleep(1)
+        assert stage.answers == [4.5, "call of ask: refused: nothing below zero"]
+        told = [words for words in map(relay_words, packets) if words is not None and words.up and words.packet]
+        inside = [line for words in told for line in explain(words.packet)]
+        assert any("request" in line for line in inside), inside
+        stage.cut()
+        stage.ask(3.0, 2.0)
+        await asyncio.sleep(3)
+        assert len(stage.answers) == 3
+        assert "no reply" in str(stage.answers[2])
+        stage.heal()
+        await asyncio.sleep(20)
+        stage.ask(3.0)
+        await asyncio.sleep(1)
+        assert stage.answers[3:] == [1.5]
+
+    play(scene, services=True)
 
 
 def test_a_cut_loses_the_parts_for_its_reason_and_they_are_back_when_it_heals() -> None:

@@ -133,14 +133,17 @@ class TopicInspection:
         library = self._running.library
         message = None if library is None else library.messages.get(binding.type_name)
         types = self._types((binding.type_name,) if service is None else service)
+        declared = {} if library is None else library.messages
         return {
             "topic": binding.topic,
             "type": binding.type_name,
+            "service": service is not None,
             "free": False,
             "reliable": binding.reliable,
             "fields": types.get(binding.type_name, []),
             "types": types,
             "units": {} if message is None else dict(message.units),
+            "type_units": {name: dict(declared[name].units) for name in types if name in declared},
             "publishers": [self._end(end.slot, end.port) for end in (binding.source,) if end.slot],
             "subscribers": [self._end(end.slot, end.port) for end in binding.targets],
             "published": published,
@@ -328,11 +331,13 @@ def _free(name: str, counts: dict[str, tuple[int, int]]) -> dict[str, object]:
     return {
         "topic": name,
         "type": "",
+        "service": False,
         "free": True,
         "reliable": True,
         "fields": [],
         "types": {},
         "units": {},
+        "type_units": {},
         "publishers": [],
         "subscribers": [],
         "published": published,

@@ -133,30 +133,34 @@ def info(topic: str, db: str | None, robot: str | None, *, verbose: bool, as_jso
     click.echo(f"Type: {found['type'] or 'any (a free topic)'}")
     for line in _type_lines(found):
         click.echo(line)
-    click.echo(f"Reliability: {'reliable' if found['reliable'] else 'best effort'}")
-    for title, key in (("Publisher", "publishers"), ("Subscription", "subscribers")):
+    titles = ("Server", "Client") if found["service"] else ("Publisher", "Subscription")
+    if not found["service"]:  # requests and replies are always reliable
+        click.echo(f"Reliability: {'reliable' if found['reliable'] else 'best effort'}")
+    for title, key in zip(titles, ("publishers", "subscribers"), strict=True):
         click.echo(f"{title} count: {len(found[key])}")
         for end in found[key]:
             part = f"  ({end['part'] or 'no part in the slot'})" if verbose else ""
             click.echo(f"  {end['slot']}.{end['port']}{part}")
-    click.echo(f"Messages so far: {found['published']} published, {found['delivered']} delivered")
+    what = "Requests" if found["service"] else "Messages"
+    click.echo(f"{what} so far: {found['published']} published, {found['delivered']} delivered")
 
 
 def _type_lines(topic: Mapping[str, Any]) -> Iterator[str]:
     """The fields of a message, those of types inside below theirs; of a service those of request and reply."""
     ends = service_type(topic["type"])
     if ends is None:
-        yield from _field_lines(topic, topic["type"], "", 1)
+        yield from _field_lines(topic, topic["type"], 1)
         return
     for title, name in (("Request", ends.request), ("Reply", ends.reply)):
         yield f"{title}: {name}"
-        yield from _field_lines(topic, name, "", 1)
+        yield from _field_lines(topic, name, 1)
 
 
-def _field_lines(topic: Mapping[str, Any], type_name: str, way: str, depth: int) -> Iterator[str]:
+def _field_lines(topic: Mapping[str, Any], type_name: str, depth: int) -> Iterator[str]:
+    units = topic["type_units"].get(type_name, {})
     for name, kind in topic["types"].get(type_name, ()):
-        yield f"{'  ' * depth}{name}: {kind} {topic['units'].get(way + name, '')}".rstrip()
-        yield from _field_lines(topic, kind.partition("[")[0], f"{way}{name}.", depth + 1)
+        yield f"{'  ' * depth}{name}: {kind} {units.get(name, '')}".rstrip()
+        yield from _field_lines(topic, kind.partition("[")[0], depth + 1)
 
 
 # Messages as they come
