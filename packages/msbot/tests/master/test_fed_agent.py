@@ -5,6 +5,7 @@ import asyncio
 import pytest
 
 from msbot.part.join.joining import JoinState
+from msbot.pnp import Freeze
 from tests.master.fed_stage import Stage, play
 
 ALL = {"MOUTH": "active", "NEAR": "active", "FAR": "active"}
@@ -153,6 +154,40 @@ def test_a_robot_with_sealed_samples_takes_no_agent_and_says_what_would_be_right
     stage = play(scene, authentication="key+data")
     assert len(stage.left.said) == 1
     assert "carry its parts here with `msbot relay`" in stage.left.said[0]
+
+
+def test_a_pupils_part_at_an_agent_that_is_held_learns_so_at_once() -> None:
+    """It calls, it is called by a part at its agent, and by one at another agent."""
+
+    async def scene(stage: Stage) -> None:
+        loop = asyncio.get_running_loop()
+        inventory = stage.master.inventory
+
+        def freeze(number: str, order: Freeze | None) -> None:
+            key = inventory._index.holders[number.lower()].client_key
+            inventory._index.sessions[key].pupil = "ben" if order else ""
+            inventory.pupil_parts.pupils.freeze = order
+            inventory.pupil_parts.follow(loop.time())
+
+        why = "the class is frozen by ann: look at me"
+        for number in ("MOUTH", "NEAR"):
+            freeze(number, Freeze("ann", "look at me", loop.time()))
+            await asyncio.sleep(1.0)
+            before = loop.time()
+            if number == "MOUTH":
+                for port in ("ask", "ask_far"):
+                    words = f"call of {port}: the robot does not pass it on: {why}"
+                    assert await stage.ask("MOUTH", port, 1.0, 600.0) == words
+            else:
+                words = f"call of ask: the robot does not pass it on: slot near is held: {why}"
+                assert await stage.ask("MOUTH", "ask", 1.0, 600.0) == words
+                assert await stage.ask("FAR", "ask", 1.0, 600.0) == words
+            assert loop.time() - before < 1.0
+            freeze(number, None)
+            await asyncio.sleep(1.0)
+            assert await stage.ask("MOUTH", "ask", 4.0) == 8.0
+
+    play(scene)
 
 
 def test_a_part_that_moves_to_another_agent_gets_its_slot_back() -> None:

@@ -22,6 +22,7 @@ from msbot.pnp.remote_agents.agent_messages import (
     Close,
     Forgotten,
     FromAgent,
+    Held,
     MasterHeard,
     Remark,
     Rights,
@@ -77,6 +78,7 @@ def test_what_is_repeated_or_worth_nothing_later_goes_at_once(message: Any, at_o
         (WhoIsThat(), 22),
         (Sought(number=1), 23),
         (Close(number=1, reason=""), 24),
+        (Held(number=1, why=""), 25),
     ],
 )
 def test_agents_and_masters_of_other_versions_know_a_message_by_its_number(message: Any, number: int) -> None:

@@ -17,8 +17,8 @@ from the agent      means                                       answered by
 `Remark`            something about a part for the journal      nothing
 ==================  ==========================================  =====================================================
 
-Unasked the master also says `Sought` (is that client alive?), `Close` (end its session), and `MasterHeard` with each
-STOP.
+Unasked the master also says `Sought` (is that client alive?), `Close` (end its session), `Held` (why a part may use
+nothing now) before `Rights` without topics, and `MasterHeard` with each STOP.
 """
 
 from __future__ import annotations
@@ -195,12 +195,22 @@ class Close(Message):
     reason: Text
 
 
+class Held(Message):
+    """Why that part may use nothing for a while, as its pupil is held; `Rights` with topics end it.
+
+    An agent that does not know this message lets the calls of the part end with their timeouts.
+    """
+
+    number: uint32
+    why: Text
+
+
 FromAgent = AgentHello | SessionOpen | SessionOver | Ask | AgentBeat | Sign | Remark
-FromMaster = AgentWelcome | AgentRefused | Rights | Forgotten | Answer | MasterHeard | WhoIsThat | Sought | Close
+FromMaster = AgentWelcome | AgentRefused | Rights | Forgotten | Answer | MasterHeard | WhoIsThat | Sought | Close | Held
 
 _FROM_AGENT: Final[tuple[type[Message], ...]] = (AgentHello, SessionOpen, SessionOver, Ask, AgentBeat, Sign, Remark)
 _FROM_MASTER: Final[tuple[type[Message], ...]] = (
-    AgentWelcome, AgentRefused, Rights, Forgotten, Answer, MasterHeard, WhoIsThat, Sought, Close
+    AgentWelcome, AgentRefused, Rights, Forgotten, Answer, MasterHeard, WhoIsThat, Sought, Close, Held
 )  # fmt: skip
 _FIRST_FROM_MASTER: Final = 16
 _NUMBER: Final = {kind: number for number, kind in enumerate(_FROM_AGENT, 1)} | {

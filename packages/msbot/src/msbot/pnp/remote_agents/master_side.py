@@ -29,6 +29,7 @@ from msbot.pnp.remote_agents.agent_messages import (
     Forgotten,
     FromAgent,
     FromMaster,
+    Held,
     MasterHeard,
     OpenTopic,
     Remark,
@@ -402,6 +403,8 @@ class MasterSide:
         session = agent.sessions[number]
         configuration = self._inventory.configuration_of(session.client.key)
         self._topics_changed(agent)
+        if why := self._inventory.pupil_parts.why_held(session.client.key):
+            self._around.send(agent.key, Held(number=number, why=short(why)))
         self._around.send(
             agent.key,
             Rights(

@@ -14,8 +14,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import field
+from functools import partial
 from typing import Final, Protocol
 
+from msbot.part.calls import ReplyStatus, encode_reply
 from msbot.part.join import pnp_messages, thesis_messages
 from msbot.pnp.model import SlotBinding
 from msbot.pnp.profile import PROFILE_TOPIC, Profile
@@ -29,6 +31,7 @@ from msbot.pnp.remote_agents.agent_messages import (
     Close,
     Forgotten,
     FromAgent,
+    Held,
     MasterHeard,
     OpenTopic,
     Remark,
@@ -113,6 +116,8 @@ class _Session:
     settled: bool = False
     topics: dict[tuple[str, bool], OpenTopic] = field(default_factory=dict)
     """What it may write (True) and read."""
+    held: str = ""
+    """Why it may use nothing now, as the master has said; empty: it is not held."""
     flood_told_at: float = -math.inf
 
     @property
@@ -257,7 +262,10 @@ class RemoteGate:
         """Always None: a robot with sealed samples takes no agents."""
 
     def reply_if_unserved(self, client: ClientInfo, topic: str) -> Callable[[int | None], bytes | None] | None:
-        """Always None: the master knows who serves, and answers by itself."""
+        """What a part that is held learns at once; to all others the master says who does not serve."""
+        if self._is_own(client) or topic in _ASKABLE:
+            return None
+        return partial(self._reply_while_held, client.key)
 
     # What the agent is told by its surroundings
 
@@ -334,6 +342,9 @@ class RemoteGate:
                 self._take_stop(message)
             case Rights():
                 self._take_rights(message)
+            case Held():
+                if (session := self._by_number.get(message.number)) is not None:
+                    session.held = message.why
             case Forgotten():
                 self._ended.pop(message.number, None)
             case Answer():
@@ -396,6 +407,8 @@ class RemoteGate:
         if (session.settled, session.topics.keys()) == (bool(message.settled), topics.keys()):
             return
         session.settled, session.topics = bool(message.settled), topics
+        if topics:
+            session.held = ""
         self._around.topics_changed()
         self._around.rights_changed(session.info.key)
 
@@ -415,8 +428,12 @@ class RemoteGate:
         words = self._stop_words if unconfirmed else ""
         self._around.send(AgentBeat(count=self._beats, stops_said=unconfirmed, words=words))
 
+    def _reply_while_held(self, client_key: int, _readers: int | None) -> bytes | None:
+        session = self._sessions.get(client_key)
+        return encode_reply(ReplyStatus.NOT_PASSED, session.held) if session is not None and session.held else None
+
     def _void(self, session: _Session) -> None:
-        session.settled = False
+        session.settled, session.held = False, ""
         if session.topics:
             session.topics = {}
             self._around.topics_changed()
