@@ -38,7 +38,7 @@ def test_the_page_is_what_the_worlds_say() -> None:
 
 
 def test_every_world_of_ours_says_what_it_fills() -> None:
-    for name in ("canopen", "cyphal", "dronecan", "modbus", "mqtt"):
+    for name in ("canopen", "cyphal", "dronecan", "jacdac", "modbus", "mqtt"):
         fits = worlds()[name].fits()
         assert fits, name
         assert all(fit.reports or fit.driven for fit in fits)

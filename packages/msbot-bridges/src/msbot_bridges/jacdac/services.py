@@ -25,6 +25,8 @@ from msbot.part.messages.standard import (
     Tone,
     Weight,
 )
+from msbot_agent.text.sentence import said
+from msbot_bridges.bridge import Fit, fits_of
 from msbot_xrce.lazy import dataclass
 
 INTENSITY, VALUE, STREAMING_SAMPLES, STREAMING_INTERVAL, READING = 0x01, 0x02, 0x03, 0x04, 0x101
@@ -211,7 +213,7 @@ def _switch_actuator(name: str, words: str) -> Actuator:
 SERVICES: Mapping[int, ServiceKind] = {
     0x1473A263: Sensor(
         "button",
-        "button",
+        said("button"),
         settings=(INTERVAL,),
         message=Switch,
         read=lambda data, _: Switch(on=U0_16.read(data) > 0.5),
@@ -219,7 +221,7 @@ SERVICES: Mapping[int, ServiceKind] = {
     ),
     0x1AD29402: Sensor(
         "switch",
-        "switch",
+        said("switch"),
         settings=(INTERVAL,),
         message=Switch,
         read=lambda data, _: Switch(on=bool(BOOL.read(data))),
@@ -227,64 +229,64 @@ SERVICES: Mapping[int, ServiceKind] = {
     ),
     0x1179A749: Sensor(
         "motion",
-        "motion detector",
+        said("motion detector"),
         settings=(INTERVAL,),
         message=Switch,
         read=lambda data, _: Switch(on=bool(BOOL.read(data))),
     ),
-    0x1F274746: _level_sensor("slider", "slider"),
+    0x1F274746: _level_sensor("slider", said("slider")),
     0x10FA29C9: Sensor(
         "clicks",
-        "rotary encoder",
+        said("rotary encoder"),
         settings=(INTERVAL,),
         message=Count,
         read=lambda data, _: Count(value=int(I32.read(data))),
     ),
     0x1421BAC7: Sensor(
         "temperature",
-        "thermometer",
+        said("thermometer"),
         settings=(INTERVAL,),
         message=Temperature,
         read=lambda data, _: Temperature(celsius=I22_10.read(data)),
     ),
     0x16C810B8: Sensor(
         "humidity",
-        "humidity sensor",
+        said("humidity sensor"),
         settings=(INTERVAL,),
         message=Level,
         read=lambda data, _: Level(percent=U22_10.read(data)),
     ),
     0x1E117CEA: Sensor(
         "pressure",
-        "barometer",
+        said("barometer"),
         settings=(INTERVAL,),
         message=Pressure,
         read=lambda data, _: Pressure(hectopascal=U22_10.read(data)),
     ),
     0x169C9DC6: Sensor(
         "co2",
-        "CO2 sensor",
+        said("CO2 sensor"),
         settings=(INTERVAL,),
         message=Gas,
         read=lambda data, _: Gas(ppm=U22_10.read(data)),
     ),
     0x1E6ECAF2: Sensor(
         "illuminance",
-        "light meter",
+        said("light meter"),
         settings=(INTERVAL,),
         message=Light,
         read=lambda data, _: Light(lux=U22_10.read(data)),
     ),
-    0x17DC9A1C: _level_sensor("light", "light sensor"),
-    0x126C4CB2: _level_sensor("reflected", "line sensor"),
-    0x1D4AA3B3: _level_sensor("moisture", "soil moisture sensor"),
-    0x147B62ED: _level_sensor("water", "water level sensor"),
-    0x14AD1A5D: _level_sensor("sound", "sound level sensor"),
-    0x1F47C6C6: _level_sensor("bending", "flex sensor", I1_15),
-    0x12FE180F: _level_sensor("magnet", "magnetic field sensor", I1_15),
+    0x17DC9A1C: _level_sensor("light", said("light sensor")),
+    0x126C4CB2: _level_sensor("reflected", said("line sensor")),
+    0x1D4AA3B3: _level_sensor("moisture", said("soil moisture sensor")),
+    0x147B62ED: _level_sensor("water", said("water level sensor")),
+    0x14AD1A5D: _level_sensor("sound", said("sound level sensor")),
+    0x1F47C6C6: _level_sensor("bending", said("flex sensor"), I1_15),
+    0x12FE180F: _level_sensor("magnet", said("magnetic field sensor"), I1_15),
     0x141A6B8A: Sensor(
         "distance",
-        "range finder",
+        said("range finder"),
         asked=(LEAST_READING, MOST_READING),
         settings=(INTERVAL,),
         message=Distance,
@@ -292,21 +294,21 @@ SERVICES: Mapping[int, ServiceKind] = {
     ),
     0x15B7B9BF: Sensor(
         "heading",
-        "compass",
+        said("compass"),
         settings=(INTERVAL,),
         message=Angle,
         read=lambda data, _: Angle(degrees=U16_16.read(data)),
     ),
     0x1F4D5040: Sensor(
         "weight",
-        "scale",
+        said("scale"),
         settings=(INTERVAL,),
         message=Weight,
         read=lambda data, _: Weight(grams=U16_16.read(data) * 1000),
     ),
     0x12FC9103: Actuator(
         "angle",
-        "servo",
+        said("servo"),
         asked=(LEAST_VALUE, MOST_VALUE),
         settings=(ServiceSetting("offset", _OFFSET, I16_16, float, 0.0, -90.0, 90.0, "°"),),
         message=Angle,
@@ -317,7 +319,7 @@ SERVICES: Mapping[int, ServiceKind] = {
     ),
     0x17004CD8: Actuator(
         "power",
-        "motor",
+        said("motor"),
         message=Level,
         write=_power,
         ranges=lambda _: {"percent": (-100.0, 100.0)},
@@ -327,7 +329,7 @@ SERVICES: Mapping[int, ServiceKind] = {
     ),
     0x1CAB054C: Actuator(
         "brightness",
-        "lamp",
+        said("lamp"),
         message=Level,
         write=_brightness,
         ranges=lambda _: {"percent": (0.0, 100.0)},
@@ -335,11 +337,11 @@ SERVICES: Mapping[int, ServiceKind] = {
         stop=lambda _: {INTENSITY: b"\0\0"},
         stopped="that it is dark",
     ),
-    0x183FE656: _switch_actuator("relay", "relay"),
-    0x171723CA: _switch_actuator("solenoid", "solenoid"),
+    0x183FE656: _switch_actuator("relay", said("relay")),
+    0x171723CA: _switch_actuator("solenoid", said("solenoid")),
     0x1609D4F0: Actuator(
         "colour",
-        "LEDs",
+        said("LEDs"),
         asked=(_PIXELS,),
         settings=(ServiceSetting("brightness", INTENSITY, U0_8, float, 5.0, 0.0, 100.0, "%", scale=100.0),),
         message=Colour,
@@ -350,7 +352,7 @@ SERVICES: Mapping[int, ServiceKind] = {
     ),
     0x1B57B1D7: Actuator(
         "tone",
-        "buzzer",
+        said("buzzer"),
         message=Tone,
         write=lambda _message, _known: {INTENSITY: b"\xff"},
         tell=_tone,
@@ -360,3 +362,10 @@ SERVICES: Mapping[int, ServiceKind] = {
     ),
 }
 """By class. Other services are left out; the bridge names a device that has none of these."""
+
+
+def service_fits() -> tuple[Fit, ...]:
+    """Which messages modules send, and are driven by."""
+    sensors = [(one.message, one.words) for one in SERVICES.values() if isinstance(one, Sensor)]
+    actuators = [(one.message, one.words) for one in SERVICES.values() if isinstance(one, Actuator)]
+    return fits_of(sensors, actuators)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from msbot_bridges.bridge import BridgeLink, World, WorldKind
+from collections.abc import Sequence
+
+from msbot_bridges.bridge import BridgeLink, Fit, World, WorldKind
 from msbot_xrce.errors import ConfigError
 
 
@@ -27,4 +29,10 @@ def open_world(link: BridgeLink) -> World:
     return JacdacWorld("", "127.0.0.1", int(port))
 
 
-WORLD = WorldKind("Jacdac modules, by USB through a browser", "page:8082", open_world)
+def _fits() -> Sequence[Fit]:
+    from msbot_bridges.jacdac.services import service_fits
+
+    return service_fits()
+
+
+WORLD = WorldKind("Jacdac modules, by USB through a browser", "page:8082", open_world, fits=_fits)
