@@ -11,7 +11,7 @@ from subprocess import PIPE, Popen
 
 from msbot_bridges.bridge import ForeignDevice, World
 
-PATIENCE_S = 90.0
+PATIENCE_S = 180.0
 PROGRAMS = Path(__file__).parent / "programs"
 
 

@@ -15,7 +15,7 @@ import pytest
 
 NEEDED = "MSBOT_NEED_MQTT"
 """Set where no test with a broker may be skipped, as in CI."""
-PATIENCE_S = 60.0
+PATIENCE_S = 120.0
 
 
 def command(name: str, package: str) -> str:

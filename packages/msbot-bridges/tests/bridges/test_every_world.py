@@ -6,7 +6,7 @@ import asyncio
 import os
 import shutil
 import time
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import AsyncExitStack, asynccontextmanager
 from pathlib import Path
 from uuid import uuid4
@@ -34,7 +34,7 @@ BROWSERS = ("chromium-headless-shell", "chromium", "chromium-browser", "google-c
 
 
 class Robot:
-    """A robot with a recorder and one bridge, in this process."""
+    """A robot with a recorder and bridges, in this process."""
 
     def __init__(self, master: Master, operations: InProcessOperations, recorder: Recorder) -> None:
         self.master, self.do = master, operations.do
@@ -66,7 +66,7 @@ class Robot:
 
 
 @asynccontextmanager
-async def robot_with(folder: Path, bridge: BridgeTable, more: str = "") -> AsyncIterator[Robot]:
+async def robot_with(folder: Path, bridges: Sequence[BridgeTable], more: str = "") -> AsyncIterator[Robot]:
     """The sample robot, and what else the blueprint has."""
     (folder / "robot.toml").write_text(SAMPLE_ROBOT_TOML + more)
     blueprint, library = await asyncio.to_thread(open_blueprint, folder / "robot.toml")
@@ -81,8 +81,8 @@ async def robot_with(folder: Path, bridge: BridgeTable, more: str = "") -> Async
         master.add_link(hub.server)
         operations = InProcessOperations(master, registry, record, library=library)
         recorder.watch(master, operations)
-        RUNNER.check([bridge])
-        work = [master.run(), *RUNNER.coroutines([bridge], lambda _: hub.connect(), print)]
+        RUNNER.check(bridges)
+        work = [master.run(), *RUNNER.coroutines(bridges, lambda _: hub.connect(), print)]
         tasks = [asyncio.create_task(one) for one in work]
         try:
             async with asyncio.timeout(LONG_S):
@@ -165,7 +165,7 @@ async def test_a_device_is_adopted_recorded_stopped_and_its_loss_explained(
     )
     async with AsyncExitStack() as stack:
         plug = Plug(world, device, tmp_path, stack)
-        async with robot_with(tmp_path, plug.bridge) as robot:
+        async with robot_with(tmp_path, [plug.bridge]) as robot:
             await plug.put_in()
             await robot.until(lambda: (found := robot.part(number)) is not None and found.says is not None)
             await robot.do("adopt", who="ann", part=number, slot="guest")

@@ -24,6 +24,7 @@ from msbot_bridges.bridge import BridgedPart, BridgeLink, worlds
 from msbot_bridges.cli.bridge_runner import RUNNER
 from msbot_bridges.makers import write_sample
 from msbot_xrce.errors import ConfigError
+from tests.bridges.hosting import PATIENCE_S
 from tests.bridges.hosts import in_thread, running
 from tests.e2e.processes import running as running_command
 
@@ -88,7 +89,7 @@ async def makers(folder: Path) -> AsyncIterator[Robot]:
         work = [master.run(), *RUNNER.coroutines(blueprint.bridges, lambda _: hub.connect(), print, devices)]
         tasks = [asyncio.create_task(one) for one in work]
         try:
-            async with asyncio.timeout(60):
+            async with asyncio.timeout(PATIENCE_S):
                 yield Robot(master, operations, bus, devices)
         finally:
             for task in tasks[1:]:

@@ -44,7 +44,7 @@ def is_in(robot: Robot) -> bool:
 async def test_settings_reach_the_device_survive_a_swap_and_are_undone(tmp_path: Path) -> None:
     async with OwnBroker().running() as broker:
         bridge = BridgeTable("mqtt", f"mqtt://127.0.0.1:{broker.port}")
-        async with robot_with(tmp_path, bridge) as robot:
+        async with robot_with(tmp_path, [bridge]) as robot:
             async with plugged(broker.port, "1") as lamp:
                 await robot.until(lambda: (found := robot.part(LAMP)) is not None and found.says is not None)
                 assert lamp.limit == 100, "a device that is not in the inventory is told nothing"
@@ -71,7 +71,7 @@ async def test_the_librarys_safe_value_is_what_stop_orders_and_waits_for(tmp_pat
     more += '[[binding]]\ntopic = "level"\ntype = "Level"\nfrom = "knob.level"\nto = ["lamp.lamp"]\n'
     async with OwnBroker().running() as broker, plugged(broker.port, "1") as lamp:
         bridge = BridgeTable("mqtt", f"mqtt://127.0.0.1:{broker.port}")
-        async with robot_with(tmp_path, bridge, more) as robot:
+        async with robot_with(tmp_path, [bridge], more) as robot:
             await robot.until(lambda: is_in(robot))
             await robot.do("publish", who="ann", port="lamp.lamp", values=["90"], seconds=60.0)
             await robot.until(lambda: lamp.brightness == 230)

@@ -19,7 +19,7 @@ ROBOT = """
 [robot]
 name = "CART"
 [timing]
-preset = "fast"
+preset = "thesis"
 [[slot]]
 name = "knob"
 part = "POT-10K"

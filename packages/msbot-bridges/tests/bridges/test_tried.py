@@ -15,6 +15,7 @@ SWAP = "test_a_servo_of_another_world_takes_the_slot_of_a_drive_that_is_pulled"
 DRIVE = "test_a_drive_is_found_turns_stops_and_is_missed"
 MODULE = "test_a_servo_is_found_driven_stopped_and_missed"
 LAMP, PUMP = "test_a_device_of_home_assistant_is_a_part", "test_a_pump_by_tcp"
+SPARE = "test_a_pump_on_mqtt_takes_the_slot_of_one_with_modbus"
 SET = "test_settings_reach_the_device_survive_a_swap_and_are_undone"
 RANGE = "test_a_range_finder_gets_subjects_and_is_heard_and_missed"
 CYPHAL_SERVO = "test_a_servo_is_engaged_told_and_stopped"
@@ -32,7 +33,7 @@ TRIED = {
         MODULE,
     ),
     "adopted, recorded, lost, explained": (WHOLE,) * 6,
-    "a spare of another world": (SWAP, None, SWAP, None, None, None),
+    "a spare of another world": (SWAP, None, SWAP, SPARE, SPARE, None),
 }
 """The test of each cell, in the order of the page's columns; None: a gap."""
 
