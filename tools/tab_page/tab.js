@@ -119,7 +119,7 @@
     const frames = make("div", { class: "tr-scroll", tabindex: 0, role: "region", "aria-label": "Frames on the bus" },
       make("table", {},
         make("thead", {}, make("tr", {},
-          ...["Sender", "Frame", "What it says"].map((text) => make("th", { scope: "col", text })))),
+          ...["Sender", "What it says", "Frame"].map((text) => make("th", { scope: "col", text })))),
         view.frames));
     place.replaceChildren(
       again, status,
@@ -227,7 +227,7 @@
     say(view.bus, `${bus.frames} frames, ${bus.load_now_percent.toFixed(1)} % of the time of `
       + `${bus.bitrate / 1000} kbit/s`);
     view.frames.replaceChildren(...[...robot.frames].reverse().map((one) => make("tr", {},
-      make("td", { text: one.sender }), make("td", {}, make("code", { text: one.frame.trim() })),
-      make("td", { text: one.words }))));
+      make("td", { text: one.sender }), make("td", { text: one.words }),
+      make("td", {}, make("code", { text: one.frame.trim() })))));
   }
 })();
