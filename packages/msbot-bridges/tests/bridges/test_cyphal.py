@@ -236,7 +236,7 @@ def has_reach(node: Any, reach: float) -> bool:
     return bool(node.node is not None and node.reach == reach)
 
 
-async def test_settings_reach_the_node_survive_a_swap_and_are_undone(tmp_path: Path) -> None:
+async def test_settings_reach_the_device_survive_a_swap_and_are_undone(tmp_path: Path) -> None:
     from msbot_bridges.cyphal.data_types import load_types
 
     await load_types()
