@@ -31,3 +31,10 @@ def test_what_others_have_made_is_the_file_that_npm_has(folder: Path, licence: s
     assert present == {*(Path(one).name for one in found), "LICENSE", "manifest.json"}
     assert manifest["licence"] == licence
     assert words in (folder / "LICENSE").read_text()
+
+
+def test_the_lists_for_mip_name_every_module_of_the_package_for_boards_once() -> None:
+    folder = ROOT / "micropython"
+    lists = [json.loads((folder / f"{name}.json").read_text())["urls"] for name in ("package", "generic")]
+    named = [target for urls in lists for target, source in urls if target == source]
+    assert sorted(named) == sorted(f"msbot/{path.name}" for path in (folder / "msbot").glob("*.py"))
