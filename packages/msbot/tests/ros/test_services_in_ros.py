@@ -179,6 +179,7 @@ def test_a_part_asks_a_node(tmp_path: Path) -> None:
     ("ros_type", "fields", "words"),
     [
         ("", {}, "HelloWorld -> HelloWorld has no usual service type in ROS 2: say ros_type"),
+        ("std_srvs/srv/SetBol", {}, "there is no such service type in std_srvs; there are Empty, SetBool, Trigger"),
         ("SetBool", {}, "'SetBool' is not a service type of ROS 2: write it like std_srvs/srv/SetBool"),
         ("std_srvs/SetBool", {}, "have no field of the same name: say ros_fields"),
         (

@@ -20,6 +20,8 @@ from msbot_xrce.lazy import dataclass
 
 USUAL: Final = {"Switch": "std_srvs/srv/SetBool", "Trigger": "std_srvs/srv/Trigger"}
 """The service that a request of this type usually is."""
+_STANDARD: Final = "std_srvs"
+"""A package of which MsBOT knows every type."""
 SUCCESS: Final = "success"
 MESSAGE: Final = "message"
 _DUMMY: Final = "structure_needs_at_least_one_member"
@@ -126,6 +128,11 @@ def service_form(
             known = ", ".join(field.name for one in (request, reply) for field in fields_of(one))
             raise ConfigError(f"ros_fields names {named!r}; request and reply have {known}")
     if asked not in ROS_TYPES:
+        if match["package"] == _STANDARD:
+            known = ", ".join(
+                sorted({one.split("::")[-1].split("_")[0] for one in ROS_TYPES if one.startswith(f"{_STANDARD}::")})
+            )
+            raise ConfigError(f"{name}: there is no such service type in {_STANDARD}; there are {known}")
         if fields:
             raise ConfigError(
                 f"{name} is not among the service types that MsBOT knows: its fields must be those of "

@@ -7,6 +7,7 @@ import platform
 import shutil
 import subprocess
 import sys
+import sysconfig
 from functools import cache
 from pathlib import Path
 
@@ -59,8 +60,12 @@ def environment() -> Path:
 
 
 def built(package: Path) -> Path:
-    """Where the genuine tools have installed a package of interfaces, built for Python."""
+    """Where the genuine tools have installed a package of interfaces, built for Python; the test is skipped without
+    a C++ compiler and Python's headers."""
     place = environment()
+    header = Path(sysconfig.get_path("include")) / "Python.h"
+    if shutil.which("c++") is None or not header.exists():
+        refuse(f"a package of interfaces needs a C++ compiler and {header} (apt install g++ python3-dev)")
 
     def make(folder: Path) -> None:
         # Not bin/cmake: that names the folder in which the environment was made.
