@@ -29,6 +29,7 @@ from msbot_bridges.cyphal.node_ids import GivenNodeIds, hash_of
 from msbot_bridges.cyphal.node_registers import Register, RegisterSetting, SubjectPort, ports_of, settings_of
 from msbot_bridges.cyphal.port_types import FEEDBACK, READINESS, TYPES, Builtin, short_name
 from msbot_bridges.cyphal.subjects import FIRST, LAST, Subjects
+from tests.bridges.hosts import Host
 
 
 def natural(value: int, **flags: bool) -> Register:
@@ -319,9 +320,10 @@ def test_data_types_appear_whole_whoever_else_makes_them(tmp_path: Path) -> None
 def test_a_cache_that_cannot_be_written_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("pycyphal")
     from msbot_bridges.cyphal import data_types
-    from msbot_xrce.errors import ConfigError
+    from msbot_bridges.cyphal.cyphal_world import CyphalWorld
+    from msbot_xrce.errors import LinkDown
 
     (tmp_path / "file").write_text("")
     monkeypatch.setattr(data_types, "folder_of_types", lambda: tmp_path / "file" / "types")
-    with pytest.raises(ConfigError, match=r"file/types, where a folder is needed that can be written \(.*Error"):
-        asyncio.run(data_types.load_types())
+    with pytest.raises(LinkDown, match=r"file/types, where a folder is needed that can be written \(.*Error"):
+        asyncio.run(CyphalWorld("msbot:x").run(Host()))

@@ -12,7 +12,7 @@ from typing import Final
 from msbot_bridges.bridge import World, WorldHost
 from msbot_bridges.canbus import open_bus
 from msbot_bridges.cyphal.data_types import load_types
-from msbot_xrce.errors import LinkDown
+from msbot_xrce.errors import ConfigError, LinkDown
 
 OWN_ID: Final = 125
 """The two above are left to programs that watch the bus."""
@@ -30,7 +30,10 @@ class CyphalWorld(World):
 
     async def run(self, host: WorldHost) -> None:
         """See `World`."""
-        await load_types()
+        try:
+            await load_types()
+        except ConfigError as error:  # a robot goes on without these devices, and tries again
+            raise LinkDown(str(error)) from error
         from msbot_bridges.cyphal.cyphal_bus import CyphalBus
 
         bus = await asyncio.to_thread(open_bus, self._address)
