@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from pathlib import Path
+from typing import Any
 from uuid import uuid4
 
 import pytest
 
+from msbot.config import BridgeTable
 from msbot.part.messages.standard import Text, Trigger
+from msbot.pnp import PartState
 from msbot_bridges.bridge import BridgeLink, ForeignDevice
 from msbot_bridges.dronecan.software_update import (
     MOST_S,
@@ -22,6 +26,7 @@ from msbot_bridges.dronecan.software_update import (
 from msbot_bridges.dronecan.world import WORLD
 from msbot_xrce.errors import CallError, ConfigError
 from tests.bridges.hosts import Host, Reports, in_thread, running
+from tests.bridges.test_every_world import robot_with
 
 pytest.importorskip("dronecan")
 
@@ -57,6 +62,7 @@ async def test_a_node_takes_new_software_and_says_which_it_has_then(tmp_path: Pa
     async with servo(tmp_path) as (_, device, host):
         assert device.identity.software == "1.0"
         device.serve("update", Text(text="good.bin"))
+        await host.until(lambda: device.fault)
         assert device.fault == "node 42 takes new software (good.bin)", "it leaves its robot"
         assert host.said.empty(), "it is told when it has left"
         device.end()
@@ -66,6 +72,31 @@ async def test_a_node_takes_new_software_and_says_which_it_has_then(tmp_path: Pa
         assert outcome == "node 42 runs software 1.1 from good.bin; it ran 1.0"
         again = await host.devices.get()
         assert (again.identity.software, again.remark, again.fault) == ("1.1", outcome, "")
+
+
+async def test_in_a_robot_the_part_says_that_it_is_updated_and_the_log_what_came_of_it(tmp_path: Path) -> None:
+    (tmp_path / "images").mkdir()
+    (tmp_path / "images" / "good.bin").write_bytes(GOOD)
+    bridge = BridgeTable("dronecan", f"msbot:{uuid4().hex[:12]}", {"software": str(tmp_path / "images")})
+    number, simulated = "org.msbot:simservo", SimulatedServo(bridge.link)
+    async with robot_with(tmp_path, [bridge]) as robot, in_thread(simulated.run_in_thread, simulated.end):
+        await robot.until(lambda: (found := robot.part(number)) is not None and found.says is not None)
+        await robot.do("adopt", who="ann", part=number, slot="guest")
+        await robot.until(lambda: robot.is_in(number, PartState.ACTIVE))
+        wire = {"topic": "software", "type": "Text -> Text", "from": "guest.update", "to": []}
+        await robot.do("bind", who="ann", **wire)
+        reply = await robot.do("call", who="ann", port="guest.update", values=["good.bin"])
+        assert "node 42 takes new software (good.bin)" in str(reply)
+        await robot.until(lambda: not robot.is_in(number, PartState.ACTIVE))
+        assert any("node 42 takes new software (good.bin)" in line for line in robot.master.why(number))
+        await robot.until(lambda: robot.is_in(number, PartState.ACTIVE))
+        lines: list[str] = []
+        while not any("node 42 runs software 1.1 from good.bin; it ran 1.0" in line for line in lines):
+            outcome = await robot.do("log_lines", who="ann", after=None, last=50, wait=0.0)
+            answer: Any = outcome.answer
+            lines = [str(line["words"]) for line in answer["lines"]]
+            await asyncio.sleep(0.05)
+        assert any("software 1.0), node 42" in line for line in lines), "what it had before"
 
 
 async def test_a_wrong_image_ends_with_a_reason(tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ its neutral position.
 
 from __future__ import annotations
 
+import asyncio
 import math
 from collections.abc import Callable
 from typing import Any
@@ -31,6 +32,8 @@ from msbot_xrce.errors import CallError, ConfigError
 NEUTRAL_DEGREES = 3.0
 """A servo is at its neutral position when it reports no more than this."""
 STANDS_RPM = 1.0
+REPLY_S = 0.3
+"""So long after a request for new software a node is still in its robot."""
 
 ESC, SERVO, RANGE, BATTERY, PLACE = (
     "uavcan.equipment.esc.Status",
@@ -164,11 +167,18 @@ class NodeDevice(ForeignDevice):
             self._images.check(request.text)
         except ConfigError as error:
             raise CallError(str(error)) from error
-        # First it leaves its robot, which makes it safe; then it is told.
+        if self._wanted_image:
+            raise CallError(f"node {self.node_id} takes {self._wanted_image} already")
         self._wanted_image = request.text
-        self.update_state = f"node {self.node_id} takes new software ({request.text})"
-        self._news(self)
-        return Text(text=f"{self.update_state}; the bridge says how it ends")
+        words = f"node {self.node_id} takes new software ({request.text})"
+        # First the reply goes out; then it leaves its robot, which makes it safe; then it is told.
+        asyncio.get_running_loop().call_later(REPLY_S, self._leave, words)
+        return Text(text=f"{words}; the robot's log says how it ends")
+
+    def _leave(self, words: str) -> None:
+        if self._wanted_image:
+            self.update_state = words
+            self._news(self)
 
     def set(self, name: str, value: object) -> None:
         """See `ForeignDevice`."""

@@ -383,10 +383,12 @@ def _as_text(at_s: float, length_s: float, second: Second, bitrate: int) -> str:
     frames = amount(total.frames, "frame")
     head = f"{at_s:6.0f} s   load {total.busy_s / length_s:7.2%} of {bitrate / 1000:g} kbit/s   {frames}"
     lines = [head + (f"   {amount(second.uncounted, 'report')} of errors" if second.uncounted else "")]
+    rows = second.rows()
+    width = max((len(traffic.who) for _, traffic in rows), default=0)
     lines += [
-        f"  {digits:>8}  {traffic.who:18}  {traffic.frames:6} frames  {traffic.bits:8} bits  "
+        f"  {digits:>8}  {traffic.who:{max(18, width)}}  {traffic.frames:6} frames  {traffic.bits:8} bits  "
         f"{traffic.busy_s / length_s:7.2%}"
-        for digits, traffic in second.rows()
+        for digits, traffic in rows
     ]
     return "\n".join(lines)
 
