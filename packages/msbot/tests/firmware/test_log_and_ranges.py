@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import asyncio
+import re
 import struct
 from pathlib import Path
 from random import Random
 
 import pytest
 
+from msbot_agent.idl import to_c
+from msbot_agent.idl.model import Definitions
+from msbot_agent.idl.omg_reader import read_idl
 from tests.firmware.c_part import CPart, Described
 from tests.firmware.pipe import Firmware
 from tests.firmware.robot import Robot, play
@@ -218,6 +222,32 @@ def test_a_value_outside_of_its_range_is_sent_counted_and_said_once(
             "warning scan: tip.x is published as -inf; the robot's library says -1 to 1",
         ]
         assert any("its program says: scan: tip.x is published as -inf" in line for line in robot.master.why("dial"))
+
+    play(tmp_path, scene, changes=ROBOT)
+
+
+IDL = """
+enum Mode { OFF, SLOW };
+struct Tip { float x; double y; };
+struct Arm {
+    string<8> name; Tip tip; Mode mode; float joints[6]; sequence<unsigned short, 4> marks; sequence<octet> raw;
+    boolean up; long long count;
+};
+struct Hand { sequence<Tip> tips; };
+"""
+ARM = "name:s tip.x:f tip.y:d mode:I joints:f=6 marks:H<4 raw:B< up:? count:q"
+
+
+def test_the_fields_that_idl_to_c_writes_are_such(firmware: Firmware, tmp_path: Path, types: None) -> None:
+    definitions = Definitions()
+    read_idl(IDL, "arm.idl", definitions)
+    header, _ = to_c(definitions, "arm.idl", "arm")
+    assert re.findall(r'#define (\w+)_FIELDS "(.*)"', header) == [("Tip", "x:f y:d"), ("Arm", ARM)]
+
+    async def scene(robot: Robot) -> None:
+        board = robot.plug(CPart(firmware, BOARD))
+        assert board.watch(SCAN, ARM)
+        await asyncio.sleep(0.1)
 
     play(tmp_path, scene, changes=ROBOT)
 

@@ -35,6 +35,11 @@ _C = {
     "uint32": "uint32_t", "int32": "int32_t", "uint64": "uint64_t", "int64": "int64_t", "float32": "float",
     "float64": "double",
 }  # fmt: skip
+_CODES = {
+    "bool": "?", "uint8": "B", "int8": "b", "uint16": "H", "int16": "h", "uint32": "I", "int32": "i", "uint64": "Q",
+    "int64": "q", "float32": "f", "float64": "d",
+}  # fmt: skip
+"""Of fields, as firmware/c/msbot_ranges.h takes them."""
 _KEYWORDS = frozenset((
     "auto", "break", "case", "char", "const", "continue", "default", "do", "double", "else", "enum", "extern", "float",
     "for", "goto", "if", "inline", "int", "long", "register", "restrict", "return", "short", "signed", "sizeof",
@@ -123,6 +128,7 @@ class _Writer:
         return [
             *constants,
             f'#define {name}_TYPE_NAME "{one.type_name}"',
+            *self._fields_line(one),
             f"typedef struct {name} {{",
             *members,
             f"}} {name};",
@@ -131,6 +137,33 @@ class _Writer:
             f"bool {name}_deserialize(ucdrBuffer* buffer, {name}* message);",
             "",
         ]
+
+    def _fields_line(self, one: Struct) -> list[str]:
+        """The fields for `msbot_ranges_watch`, unless a list of structures or texts is among them."""
+        found = [self._fields(member.type, member.name) for member in one.members]
+        if not found or "" in found:
+            return []
+        return [f'#define {self._names[one.name]}_FIELDS "{" ".join(found)}"']
+
+    def _fields(self, kind: Type, way: str) -> str:
+        """`tip.x:f tip.y:f`; empty: it cannot be said."""
+        match kind:
+            case StringType():
+                return f"{way}:s"
+            case Array(element, length) if code := self._code(element):
+                return f"{way}:{code}={length}"
+            case Sequence(element, bound) if code := self._code(element):
+                return f"{way}:{code}<{bound or ''}"
+            case Reference(of) if of in self._all.structs:
+                inside = [self._fields(one.type, f"{way}.{one.name}") for one in self._all.structs[of].members]
+                return "" if "" in inside else " ".join(inside)
+        code = self._code(kind)
+        return f"{way}:{code}" if code else ""
+
+    def _code(self, kind: Type) -> str:
+        if isinstance(kind, Reference) and kind.name in self._all.enums:
+            return "I"
+        return _CODES[kind.word] if isinstance(kind, Basic) else ""
 
     def _declare(self, kind: Type, name: str) -> str:
         match kind:
