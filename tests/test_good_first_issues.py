@@ -26,9 +26,6 @@ GAPS: dict[str, Callable[[], bool]] = {
     "Start at boot on macOS": lambda: (
         "launchd" not in (ROOT / "packages/msbot/src/msbot/cli/service.py").read_text("utf-8")
     ),
-    "`parts.json` of a board among what versions have stored": lambda: (
-        not list((ROOT / "packages/msbot/tests/upgrades/stored").glob("*/board/parts.json"))
-    ),
 }
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 import shutil
+import signal
 import subprocess
 import sys
 import zipfile
@@ -12,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from tools.set_up import install_requirements, point_without_letters
+from tools.set_up import begin_quickly, install_requirements, point_without_letters
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="make sets up Unix only; its folders are laid out otherwise there")
@@ -38,6 +39,45 @@ def test_a_folder_with_an_umlaut_is_found_in_the_locale_c_too(tmp_path: Path, na
         check=False,
     )
     assert (started.stdout, started.stderr) == ("found\n", "")
+
+
+SCRIPTS = {
+    "pip before 25": "#!{python}\n# -*- coding: utf-8 -*-\nimport re\nimport sys\nfrom msbot_command import main\n",
+    "a path with a blank": "#!/bin/sh\n'''exec' \"{python}\" \"$0\" \"$@\"\n' '''\nimport re\nimport sys\n",
+    "pip 25": "#!{python}\nimport sys\nfrom msbot_command import main\n",
+}
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has programs in place of these scripts")
+@pytest.mark.parametrize("kind", SCRIPTS)
+def test_ctrl_c_while_the_command_begins_shows_no_traceback(tmp_path: Path, kind: str) -> None:
+    script = tmp_path / "msbot"
+    script.write_text(SCRIPTS[kind].format(python=sys.executable))
+    script.chmod(0o755)
+    begin_quickly(script)
+    begin_quickly(script)
+
+    def run(command: str) -> subprocess.CompletedProcess[str]:
+        (tmp_path / "msbot_command.py").write_text(command)
+        return subprocess.run(
+            [script, "7"],
+            env={**os.environ, "PYTHONPATH": str(tmp_path)},
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+
+    assert run("import sys\ndef main(): print(*sys.argv[1:], 're' in sys.modules)").stdout == "7 False\n"
+    broken = run("raise KeyboardInterrupt")
+    assert (broken.returncode, broken.stderr) == (-signal.SIGINT, "")
+    assert "ZeroDivisionError" in run("1 / 0").stderr, "a mistake is still told"
+
+
+def test_there_may_be_no_script(tmp_path: Path) -> None:
+    begin_quickly(tmp_path / "msbot")
+    (tmp_path / "msbot").write_text("something else")
+    begin_quickly(tmp_path / "msbot")
+    assert (tmp_path / "msbot").read_text() == "something else"
 
 
 def make_index(folder: Path, says: str) -> str:

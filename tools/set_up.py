@@ -27,6 +27,18 @@ PHASES = {
     "Successfully installed": "they are installed",
 }
 DISTRIBUTIONS = ("msbot-xrce", "msbot-agent", "msbot", "msbot-school", "msbot-bridges", "msbot-web")
+SCRIPT = """\
+import sys
+
+silent = KeyboardInterrupt
+sys.excepthook = lambda kind, *rest: issubclass(kind, silent) or sys.__excepthook__(kind, *rest)
+
+from msbot_command import main
+
+if __name__ == "__main__":
+    sys.exit(main())
+"""
+"""Of the command `msbot`, behind the lines that say which Python runs it."""
 COMPILING = "compiling MsBOT, so that its first start is as quick as the next one"
 WRONG_HASH = "DO NOT MATCH THE HASHES"
 """How pip begins when a file is not the one that it should be."""
@@ -41,6 +53,7 @@ def main(*arguments: str) -> int:
         status = run_pip(python, "--no-deps", "--no-build-isolation", *own)
     if not status:
         point_without_letters(Path(python).parents[1])
+        begin_quickly(Path(python).with_name("msbot"))
         say(COMPILING)
         # pip does this for what it installs, but not for what is used where it lies; the first start would take twice
         # as long. A folder that cannot be written to is no reason to fail.
@@ -105,6 +118,19 @@ def point_without_letters(environment: Path) -> None:
         lines = pointer.read_text(encoding="utf-8").splitlines()
         relative = [os.path.relpath(line, os.path.abspath(pointer.parent)) for line in lines if line]
         pointer.write_text("\n".join(relative) + "\n", encoding="utf-8")
+
+
+def begin_quickly(script: Path) -> None:
+    """Let the command begin with what keeps Ctrl-C from showing a traceback.
+
+    The script of pip before 25 first imports `re` with a dozen modules, in which the hooks of `msbot_command` are not
+    there yet. What stands before its imports says which Python runs it, and stays.
+    """
+    if not script.is_file():  # Windows has programs in their place
+        return
+    text = script.read_text(encoding="utf-8")
+    if imports := re.search(r"^import (?:re|sys)$", text, re.MULTILINE):
+        script.write_text(text[: imports.start()] + SCRIPT, encoding="utf-8")
 
 
 def end_line() -> None:

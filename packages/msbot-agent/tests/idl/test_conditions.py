@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from itertools import count
 from pathlib import Path
+from typing import Any
 
 import pytest
+from click.testing import CliRunner
 
+from msbot_agent.cli.idl import command
 from msbot_agent.idl import read_definitions, to_python
 from msbot_agent.idl.model import Array, Basic, Definitions, Sequence, StringType
 from msbot_agent.idl.omg_reader import read_idl
 from msbot_xrce.errors import ConfigError
+from tests.idl.generated import module_from
 
 TWO_BOARDS = """#ifndef MOTOR_IDL  // read once
 #define MOTOR_IDL
@@ -92,6 +97,38 @@ def test_an_included_file_is_found_in_the_folders_of_include(tmp_path: Path) -> 
         ConfigError, match=r"Joint\.idl:1:1: base_msgs/msg/Tick\.idl is not there \(looked into .*--include"
     ):
         read_definitions(file)
+
+
+def test_the_command_obeys_ros_include_and_define(tmp_path: Path) -> None:
+    share = tmp_path / "share"
+    for package, text in (
+        ("base_msgs", "struct Tick { long sec; unsigned long nanosec; };"),
+        (
+            "arm_msgs",
+            "#ifdef WIDE\nconst long JOINTS = 60;\n#else\nconst long JOINTS = 6;\n#endif\n"
+            "struct Arm { base_msgs::msg::Tick tick; double angles[JOINTS]; };",
+        ),
+    ):
+        (share / package / "msg").mkdir(parents=True)
+        name = "Tick" if package == "base_msgs" else "Arm"
+        first = "" if name == "Tick" else '#include "base_msgs/msg/Tick.idl"\n'
+        whole = f"{first}module {package} {{ module msg {{\n{text}\n}}; }};\n"
+        (share / package / "msg" / f"{name}.idl").write_text(whole)
+    file = share / "arm_msgs/msg/Arm.idl"
+    numbers = count()
+
+    def made(*options: str) -> Any:
+        target = tmp_path / f"made_{next(numbers)}.py"
+        told = CliRunner().invoke(command, ["to-python", *options, str(file), "-o", str(target)])
+        assert told.exit_code == 0, told.output
+        return module_from(target.read_text(), target.stem)
+
+    plain, wide = made("--ros", "--include", str(share)), made("--ros", "--include", str(share), "--define", "WIDE")
+    assert plain.Arm.type_name == "arm_msgs::msg::dds_::Arm_"
+    assert plain.Tick.type_name == "base_msgs::msg::dds_::Tick_"
+    assert (len(plain.Arm().angles), len(wide.Arm().angles)) == (6, 60)
+    assert plain.Arm.decode(plain.Arm(tick=plain.Tick(sec=3, nanosec=4)).encode()).tick.nanosec == 4
+    assert made("--include", str(share)).Arm.type_name == "arm_msgs::msg::Arm"
 
 
 def test_an_option_that_says_nothing_about_a_file_is_refused(tmp_path: Path) -> None:

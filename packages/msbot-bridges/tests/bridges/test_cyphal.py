@@ -8,14 +8,19 @@ import threading
 import time
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
+from functools import partial
+from pathlib import Path
 from typing import Any, ClassVar
 from uuid import uuid4
 
 import pytest
 
+from msbot.config import BridgeTable
 from msbot.part.messages.standard import Angle, Distance
+from msbot.pnp import PartState
 from msbot_bridges.bridge import ForeignDevice
 from tests.bridges.hosts import Host, Reports, running
+from tests.bridges.test_every_world import robot_with
 
 pytest.importorskip("pycyphal")
 
@@ -225,3 +230,32 @@ async def test_another_bridge_on_the_bus_is_named() -> None:
     bus = f"msbot:{uuid4().hex[:12]}"
     async with running(CyphalWorld(bus)) as host, running(CyphalWorld(bus)):
         assert "somebody else on this bus is node 125" in await host.said.get()
+
+
+def has_reach(node: Any, reach: float) -> bool:
+    return bool(node.node is not None and node.reach == reach)
+
+
+async def test_settings_reach_the_device_survive_a_swap_and_are_undone(tmp_path: Path) -> None:
+    from msbot_bridges.cyphal.data_types import load_types
+
+    await load_types()
+    from msbot_bridges.cyphal.simulated.range_finder import SimulatedRange
+
+    number, bus = "org.msbot:simrange", f"msbot:{uuid4().hex[:12]}"
+    first, other = SimulatedRange(bus, 42, 1), SimulatedRange(bus, 42, 2)
+    async with robot_with(tmp_path, [BridgeTable("cyphal", bus)]) as robot:
+        async with living(first):
+            await robot.until(lambda: (found := robot.part(number)) is not None and found.says is not None)
+            await robot.do("adopt", who="ann", part=number, slot="guest")
+            await robot.until(lambda: first.restarts and robot.is_in(number, PartState.ACTIVE))
+            for reach in (2.5, 3.5):
+                await robot.do("set", who="ann", slot="guest", name="ranging_reach", value=reach)
+                await robot.until(partial(has_reach, first, reach))
+            with pytest.raises(ValueError, match="8"):
+                await robot.do("set", who="ann", slot="guest", name="ranging_reach", value=80)
+            await robot.do("undo", who="ann")
+            await robot.until(partial(has_reach, first, 2.5))
+        await robot.until(lambda: not robot.is_in(number, PartState.ACTIVE))
+        async with living(other):
+            await robot.until(lambda: other.restarts and has_reach(other, 2.5))

@@ -100,6 +100,20 @@ def test_ports_are_what_the_registers_say() -> None:
     assert (axis.subject, axis.is_kept) == (None, False)
 
 
+def test_a_part_has_no_name_twice() -> None:
+    registers = {
+        **port("pub", "angle", 1, "uavcan.si.sample.angle.Scalar.1.0"),
+        **port("pub", "front.range", 2, "uavcan.si.sample.length.Scalar.1.0"),
+        **port("pub", "front_range", 3, "uavcan.si.sample.length.Scalar.1.0"),
+        **port("pub", "restart", 4, "uavcan.primitive.scalar.Bit.1.0"),
+        **port("sub", "angle", 5, ANGLE),
+    }
+    made, _ = device(registers)
+    assert [one.name for one in made.inputs] == ["angle"]
+    assert [one.name for one in made.outputs] == ["angle_state", "front_range", "front_range_state", "restart_state"]
+    assert made.left_out == []
+
+
 def test_settings_have_range_and_default_and_no_dots() -> None:
     registers = {
         "motor.gain": Register("real32", (2.5,)),

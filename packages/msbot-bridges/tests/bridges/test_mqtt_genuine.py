@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from msbot.part.messages.standard import Level, Switch, Temperature
+from msbot.part.messages.standard import Angle, Level, Switch, Temperature
 from msbot_bridges.bridge import BridgeLink, World
 from tests.bridges.hosting import program, running
 from tests.bridges.mosquitto import mosquitto, publish
@@ -116,6 +116,40 @@ async def test_a_device_of_homie_is_a_part(broker: int) -> None:
             assert device.not_stopped == ""
             lamp.kill()
             assert await host.lost_why.get() == "lamp1 is no longer available, as its topic says"
+
+
+async def test_a_device_of_homie_5_is_a_part(broker: int) -> None:
+    pytest.importorskip("ebus_sdk")
+    with program("homie5_device.py", str(broker)) as arm:
+        await arm.line("ready")
+        async with running(world(broker)) as host:
+            device = await host.devices.get()
+            assert device.identity.part_number == "homie:acme-arm"
+            assert [(one.name, one.safe, one.ranges) for one in device.inputs] == [
+                ("angle", Angle(degrees=0), {"degrees": (-90, 90)}),
+                ("gripper", Switch(on=False), {}),
+            ]
+            assert [(one.name, one.default, one.least, one.most, one.unit) for one in device.settings] == [
+                ("speed", 40, 1, 100, "%")
+            ]
+            heard = asyncio.Queue[tuple[str, object]]()
+            device.begin(lambda port, message: heard.put_nowait((port, message)))
+            device.set("speed", 70)
+            assert await arm.line("speed") == "70"
+            device.act("angle", Angle(degrees=12.5))
+            assert float(await arm.line("angle")) == 12.5
+            while await heard.get() != ("angle_state", Angle(degrees=12.5)):
+                pass
+            device.act("gripper", Switch(on=True))
+            assert (await arm.line("gripper")).lower() == "true"
+            device.stop()
+            assert float(await arm.line("angle")) == 0.0
+            while not host.told.is_set():
+                device.stop()
+                await asyncio.sleep(0.05)
+            assert device.not_stopped == ""
+            arm.kill()
+            assert await host.lost_why.get() == "arm1 is no longer available, as its topic says"
 
 
 async def test_a_broker_that_is_gone_loses_its_devices_and_one_that_comes_back_finds_them(tmp_path: Path) -> None:

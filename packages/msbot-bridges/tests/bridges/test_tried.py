@@ -19,12 +19,13 @@ SPARE = "test_a_pump_on_mqtt_takes_the_slot_of_one_with_modbus"
 SET = "test_settings_reach_the_device_survive_a_swap_and_are_undone"
 LIKE = "test_a_like_device_gets_the_slot_with_its_settings"
 RANGE = "test_a_range_finder_gets_subjects_and_is_heard_and_missed"
+CYPHAL_SPARE = "test_a_cyphal_servo_takes_the_slot_of_a_dronecan_servo"
 CYPHAL_SERVO = "test_a_servo_is_engaged_told_and_stopped"
 NODE = "test_a_genuine_node_is_found_with_the_ports_of_what_it_sends_and_is_missed"
 
 TRIED = {
     "found, described": (NODE, RANGE, DRIVE, LAMP, PUMP, MODULE),
-    "settings": ("test_a_genuine_servo_is_found_told_stopped_and_missed", RANGE, DRIVE, SET, PUMP, MODULE),
+    "settings": ("test_a_genuine_servo_is_found_told_stopped_and_missed", SET, DRIVE, SET, PUMP, MODULE),
     "STOP confirmed": (
         "test_a_motor_controller_turns_and_confirms_stop_by_its_speed",
         CYPHAL_SERVO,
@@ -35,7 +36,7 @@ TRIED = {
     ),
     "adopted, recorded, lost, explained": (WHOLE,) * 6,
     "a like device gets slot and settings; undone": (LIKE, None, LIKE, SET, None, None),
-    "a spare of another world": (SWAP, None, SWAP, SPARE, SPARE, None),
+    "a spare of another world": (SWAP, CYPHAL_SPARE, SWAP, SPARE, SPARE, None),
 }
 """The test of each cell, in the order of the page's columns; None: a gap."""
 

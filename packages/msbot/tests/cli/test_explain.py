@@ -127,13 +127,15 @@ def test_what_is_no_xrce_in_a_capture_is_named_as_what_it_is(tmp_path: Path) -> 
     rtps, mdns = b"RTPS\x02\x03\x01\x0f" + bytes(12) + b"\x09\x01\x08\0" + bytes(8), b"\0\0\x84\0\0\0\0\1" + bytes(20)
     with file.open("wb") as stream:
         writer = dpkt.pcap.Writer(stream)
-        for octets, port in ((rtps, 7400), (mdns, 5353), (rtps, 8888)):
+        xrce = bytes.fromhex("80000000 00011000 58524345 0100010F AAAABBBB 81 00FC03")
+        for octets, port in ((rtps, 7400), (mdns, 5353), (rtps, 8888), (xrce, 8888)):
             udp = dpkt.udp.UDP(sport=port, dport=port, data=octets, ulen=8 + len(octets))
             packet = dpkt.ip.IP(src=b"\x0a\0\0\2", dst=b"\x0a\0\0\1", p=17, data=udp, len=28 + len(octets))
             writer.writepkt(bytes(dpkt.ethernet.Ethernet(type=2048, data=packet)), ts=1.0)
     told = [one["words"] for one in json.loads(run(str(file), "--json", "--fields").output)]
-    assert [words[0].split(",")[0] for words in told] == ["RTPS 2.3", "mDNS", "RTPS 2.3"]
-    assert [len(words) for words in told] == [1, 1, 1]
+    assert [words[0].split(",")[0] for words in told[:3]] == ["RTPS 2.3", "mDNS", "RTPS 2.3"]
+    assert [len(words) for words in told[:3]] == [1, 1, 1]
+    assert any("CREATE_CLIENT AAAABBBB" in line for line in told[3])
 
 
 def test_what_a_relay_carries_is_unpacked(tmp_path: Path) -> None:

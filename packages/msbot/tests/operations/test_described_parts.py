@@ -80,7 +80,14 @@ def test_one_operation_makes_type_slot_and_offers_and_lets_the_part_in(tmp_path:
         assert part_type.origin == f"said by the part {b'vane....'.hex()}, adopted by ann"
         assert [port.name for port in part_type.ports] == ["wind", "light", "brake"]
         assert part_type.ports[2].safe == {"percent": 100.0}
-        assert done.answer == {"slot": "vane_1", "offers": []}
+        assert done.answer == {
+            "slot": "vane_1",
+            "offers": [],
+            "for_people": [
+                {"topic": name, "type": kind, "from": f"vane_1.{name}", "to": []}
+                for name, kind in (("wind", "Wind"), ("light", "Light"))
+            ],
+        }
         await stage.do.bind("wind", "Wind", "vane_1.wind", (), reliable=True, who="ann")
         await stage.do.bind("brake", "Level", None, ("vane_1.brake",), reliable=True, who="ann")
         await asyncio.sleep(0.5)
@@ -94,6 +101,35 @@ def test_one_operation_makes_type_slot_and_offers_and_lets_the_part_in(tmp_path:
         await stage.do.remove_slot("vane_1", who="ann")
         await stage.do.forget_type("VANE-1", who="ann")
         assert not list((tmp_path / "adopted").iterdir())
+
+    play(tmp_path, scene)
+
+
+def test_wires_of_services_are_offered_from_the_part_that_serves_to_the_one_that_calls(tmp_path: Path) -> None:
+    async def scene(stage: Stage) -> None:
+        eye = Part("EYE-1", uid=b"eye.....", random=Random(5), describes="Eye")
+        eye.serves("look", Angle, Light)(lambda _: Light(lux=4))
+        brain = Part("BRAIN-1", uid=b"brain...", random=Random(6), describes="Brain")
+        brain.calls("see", Angle, Light)
+        offers = {}
+        tasks = []
+        for part in (eye, brain):
+            tasks.append(run(stage, part))
+            await asyncio.sleep(WAIT_S)
+            done = await stage.do.adopt(part.part_number, who="ann")
+            offers[part.part_number] = (done.answer["offers"], done.answer["for_people"])
+        alone = {"topic": "look", "type": "Angle -> Light", "from": "eye_1.look", "to": []}
+        fits = {"topic": "eye_1_look", "type": "Angle -> Light", "from": "eye_1.look", "to": ["brain_1.see"]}
+        assert offers == {"EYE-1": ([], [alone]), "BRAIN-1": ([fits], [])}
+        await stage.do.bind(fits["topic"], fits["type"], fits["from"], fits["to"], who="ann")
+        await asyncio.sleep(0.5)
+        seen: list[object] = []
+        brain.call("see", Angle(degrees=1), on_reply=lambda reply, error: seen.append(error or reply.lux))
+        await asyncio.sleep(0.5)
+        assert seen == [4.0]
+        for part in (eye, brain):
+            part.end()
+        await asyncio.gather(*tasks)
 
     play(tmp_path, scene)
 

@@ -122,5 +122,5 @@ def test_a_service_is_shown_with_the_fields_and_units_of_request_and_reply(
         "Server count: 1",
         "  AA.look  (DIAL)",
         "Client count: 0",
-        "Requests so far: 0 published, 0 delivered",
+        "Requests so far: 0 delivered",
     ]

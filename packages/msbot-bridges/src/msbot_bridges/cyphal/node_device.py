@@ -15,7 +15,7 @@ from typing import Any, Final, Protocol
 from msbot.part import Message
 from msbot.part.messages.standard import Text, Trigger
 from msbot_bridges.bridge import DeviceIdentity, DeviceOutput, DeviceService, ForeignDevice, Input, Report, Value
-from msbot_bridges.cyphal.node_registers import NodePorts, RegisterSetting, SubjectPort, aspects_of
+from msbot_bridges.cyphal.node_registers import NodePorts, RegisterSetting, SubjectPort, named_aspects
 from msbot_bridges.cyphal.port_types import ENGAGED, FEEDBACK, READINESS, STANDBY, Aspect, Builtin
 from msbot_xrce.lazy import dataclass
 
@@ -81,15 +81,17 @@ class CyphalNode(ForeignDevice):
         bus: SubjectBus,
     ) -> None:
         self.identity, self.node_id, self.ports, self._bus = identity, node_id, ports, bus
-        self._heard = {one: list(aspects_of(one)) for one in ports.published if aspects_of(one)}
         self._driven = {
             name: _Driven(port, aspect)
-            for port in ports.subscribed
-            for name, aspect in aspects_of(port)
+            for port, aspects in named_aspects(ports.subscribed, {RESTART}).items()
+            for name, aspect in aspects.items()
             if aspect.write is not None
         }
+        self._heard = named_aspects(ports.published, {RESTART, *self._driven}, "_state")
         self.readiness = next((one for one in ports.subscribed if one.type_name == READINESS), None)
-        self.outputs = tuple(DeviceOutput(name, one.message) for told in self._heard.values() for name, one in told)
+        self.outputs = tuple(
+            DeviceOutput(name, one.message) for told in self._heard.values() for name, one in told.items()
+        )
         self.inputs = tuple(Input(name, one.aspect.message, safe=one.aspect.safe) for name, one in self._driven.items())
         self._registers = {one.declared.name: one for one in settings}
         self.settings = tuple(one.declared for one in settings)
@@ -218,7 +220,7 @@ class CyphalNode(ForeignDevice):
         """It has published a message."""
         if self._report is None:
             return
-        for name, aspect in self._heard[port]:
+        for name, aspect in self._heard[port].items():
             message = aspect.read(told)
             self._report(name, message)
             if self.is_stopping:
@@ -265,7 +267,7 @@ class CyphalNode(ForeignDevice):
     def _confirming(self, name: str) -> Sequence[Aspect]:
         """The reports of the same quantity; more than one could be of something else."""
         message = self._driven[name].aspect.message
-        same = [one for told in self._heard.values() for _, one in told if one.message is message]
+        same = [one for told in self._heard.values() for one in told.values() if one.message is message]
         return same if len(same) == 1 else ()
 
     def _confirm(self, aspect: Aspect, message: Message) -> None:

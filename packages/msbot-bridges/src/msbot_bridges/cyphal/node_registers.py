@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any, Final
 
 from msbot_bridges.bridge import DeviceSetting
@@ -85,9 +85,26 @@ def ports_of(registers: Mapping[str, Register]) -> NodePorts:
     return NodePorts(tuple(found["pub"]), tuple(found["sub"]))
 
 
-def aspects_of(port: SubjectPort) -> Sequence[tuple[str, Aspect]]:
-    """The ports of a part that a port is, by name; none: its data type is unknown here."""
-    return [(clean(port.name) + aspect.suffix, aspect) for aspect in TYPES.get(port.type_name, ())]
+def named_aspects(
+    ports: Sequence[SubjectPort], taken: Collection[str], suffix: str = ""
+) -> dict[SubjectPort, dict[str, Aspect]]:
+    """The ports of a part that its node's ports are, by name; those whose data type is known here.
+
+    Args:
+        ports: the node's.
+        taken: names that the part has already.
+        suffix: what makes another name of a taken one; a name that is still taken is left out.
+    """
+    found: dict[SubjectPort, dict[str, Aspect]] = {}
+    names = set(taken)
+    for port in ports:
+        for aspect in TYPES.get(port.type_name, ()):
+            name = clean(port.name) + aspect.suffix
+            name += suffix if name in names else ""
+            if name not in names:
+                names.add(name)
+                found.setdefault(port, {})[name] = aspect
+    return found
 
 
 def settings_of(registers: Mapping[str, Register]) -> list[RegisterSetting]:

@@ -40,6 +40,7 @@ from msbot_xrce.lazy import dataclass
 
 
 MOST_OFFERED = 24
+_GIVING = (Direction.PUBLISH, Direction.SERVE)
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,11 +50,13 @@ class FittingWire:
     topic: str
     type_name: str
     source: SlotPort
-    target: SlotPort
+    target: SlotPort | None
+    """None: only people look at it, or call it."""
 
     def as_json(self) -> dict[str, object]:
         """The arguments of `bind`."""
-        return {"topic": self.topic, "type": self.type_name, "from": str(self.source), "to": [str(self.target)]}
+        to = [] if self.target is None else [str(self.target)]
+        return {"topic": self.topic, "type": self.type_name, "from": str(self.source), "to": to}
 
 
 def fitting_wires(blueprint: Blueprint, library: Library, slot: str) -> list[FittingWire]:
@@ -66,6 +69,18 @@ def fitting_wires(blueprint: Blueprint, library: Library, slot: str) -> list[Fit
     own = [(end, port) for end, port in ports if end.slot == slot and end not in topics]
     others = [(end, port) for end, port in ports if end.slot != slot]
     return list(_fitting(own, others, topics))[:MOST_OFFERED]
+
+
+def wires_for_people(blueprint: Blueprint, library: Library, slot: str) -> list[FittingWire]:
+    """Wires with nobody at their ends, for the unwired ports of a slot that publish or serve: people look and call."""
+    wired = {end for binding in blueprint.bindings for end in binding.ends}
+    taken = {binding.topic for binding in blueprint.bindings}
+    ports = [(end, port) for end, port in _ports(blueprint, library) if end.slot == slot and end not in wired]
+    return [
+        FittingWire(end.port if end.port not in taken else f"{slot}_{end.port}", port.type_name, end, None)
+        for end, port in ports
+        if port.direction in _GIVING
+    ][:MOST_OFFERED]
 
 
 def _ports(blueprint: Blueprint, library: Library) -> Iterator[tuple[SlotPort, Port]]:
@@ -81,7 +96,9 @@ def _fitting(
     for end, port in own:
         for other, their in others:
             if their.type_name == port.type_name and their.direction is not port.direction:
-                source, target = (end, other) if port.direction is Direction.PUBLISH else (other, end)
+                if port.direction is Direction.SERVE and other in topics:
+                    continue  # what it calls is served by another part
+                source, target = (end, other) if port.direction in _GIVING else (other, end)
                 topic = topics.get(other) or f"{source.slot}_{source.port}"
                 yield FittingWire(topic, port.type_name, source, target)
 
@@ -174,7 +191,10 @@ class DescribedPartAdoption:
                 number=part_type.number,
                 slot=name,
             )
-        return Outcome(words, done.edit_id, {"slot": name, "offers": offers})
+        offered = {wire["from"] for wire in offers}
+        alone = [wire.as_json() for wire in wires_for_people(blueprint, library, name)]
+        for_people = [wire for wire in alone if wire["from"] not in offered]
+        return Outcome(words, done.edit_id, {"slot": name, "offers": offers, "for_people": for_people})
 
     def _let_in(self, info: PartInfo, slot: str, who: str) -> None:
         """Give the part its slot at once; one that has begun to claim again gets it by its number."""

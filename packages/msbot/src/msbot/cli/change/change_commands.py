@@ -129,16 +129,17 @@ def adopt_command(part: str | None, slot: str | None, window: float | None, db: 
         wish = None if part is not None else slot
         say(db, robot, "window", {"seconds": WINDOW_S if window is None else window, "slot": wish})
     if part is not None:
-        for offer in say(db, robot, "adopt", {"part": part, "slot": slot}).get("offers", ()):
-            if not wants_json():
-                click.echo(f"  fits: {_bind(offer)}")
+        answer = say(db, robot, "adopt", {"part": part, "slot": slot})
+        for what, key in (("fits", "offers"), ("to look at or call by hand", "for_people")):
+            for offer in () if wants_json() else answer.get(key, ()):
+                click.echo(f"  {what}: {_bind(offer)}")
 
 
 def _bind(offer: dict[str, Any]) -> str:
     """The command that makes a wire."""
     to = " ".join(f"--to {shlex.quote(end)}" for end in offer["to"])
     topic, kind, source = (shlex.quote(offer[key]) for key in ("topic", "type", "from"))
-    return f"msbot bind {topic} --type {kind} --from {source} {to}"
+    return f"msbot bind {topic} --type {kind} --from {source} {to}".rstrip()
 
 
 # `msbot go`: STOP is over.

@@ -141,8 +141,10 @@ def info(topic: str, db: str | None, robot: str | None, *, verbose: bool, as_jso
         for end in found[key]:
             part = f"  ({end['part'] or 'no part in the slot'})" if verbose else ""
             click.echo(f"  {end['slot']}.{end['port']}{part}")
-    what = "Requests" if found["service"] else "Messages"
-    click.echo(f"{what} so far: {found['published']} published, {found['delivered']} delivered")
+    if found["service"]:  # people's requests are not published by a part
+        click.echo(f"Requests so far: {found['delivered']} delivered")
+    else:
+        click.echo(f"Messages so far: {found['published']} published, {found['delivered']} delivered")
 
 
 def _type_lines(topic: Mapping[str, Any]) -> Iterator[str]:

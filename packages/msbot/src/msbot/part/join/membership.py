@@ -312,7 +312,10 @@ class Membership:
     def _describe(self) -> None:
         """The robot asks what the part is; it has not been let in, and may be asked again."""
         if self._description and self.joining.state in (JoinState.CLAIMING, JoinState.REFUSED):
-            _log.info("the robot does not know this part number, and asks what the part is: it is told")
+            _log.info(
+                "the robot does not know this part number, and is told what the part is: it waits until somebody "
+                "adopts it, on the page Arrivals or with `msbot adopt`"
+            )
             self._send(pnp_messages.DescriptionMessage(text=self._description).encode(), STREAM_RELIABLE)
 
     def say_type(self, binding: int, octets: bytes) -> None:
