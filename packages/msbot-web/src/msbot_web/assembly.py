@@ -45,7 +45,7 @@ from msbot_xrce.lazy import dataclass
 
 SESSIONS_S = 1.0
 """Period in which to check who may still be signed in."""
-LOOK_S = 0.25
+LOOK_S, LONGEST_LOOK_S = 0.25, 0.5
 """Period in which the robot is observed, even if no page is open: for beat intervals and newly bound topics."""
 
 
@@ -232,7 +232,8 @@ class RobotPages:
     async def _keep_looking(self) -> None:
         while True:
             self._views.poll()
-            await asyncio.sleep(LOOK_S)
+            # Twice in a period of beats, so that the time between two of them is seen.
+            await asyncio.sleep(max(LOOK_S, min(LONGEST_LOOK_S, self._master.inventory.timing.beat_s / 2)))
 
 
 def _database_figures(registry: Registry) -> DatabaseFigures:

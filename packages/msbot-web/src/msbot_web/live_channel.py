@@ -6,6 +6,9 @@ not gets the whole once. The browser opens a WebSocket for it (`/live`, `static/
 it gets nothing, and its page is not refreshed. The channel also refreshes what each page shows by NiceGUI, so that a
 page needs no timer of its own. A page whose browser has no such WebSocket works as well: it is drawn by NiceGUI alone.
 
+STOP and the parts come first: when the event loop is late, pages are looked after less often (`_Pace`), and are still
+told that the robot is there.
+
 The guard has checked host, origin and session. Only the session that opened a page gets what the page shows.
 """
 
@@ -30,6 +33,14 @@ LOOK_S: Final = 0.5
 """Period in which changes are sent and pages are refreshed."""
 QUICK_LOOKS: Final = 5
 """Looks at quick views in that time."""
+LONGEST_PAUSE_S: Final = 3.0
+"""Longest time between two of these looks, however late the event loop is."""
+LATE_S: Final = 0.05
+"""The event loop is late when it goes on so much later than asked for."""
+SHARE: Final = 0.05
+"""Pages take at most this part of the time."""
+TURN_S: Final = 0.005
+"""Pages are refreshed for so long until everything else has its turn."""
 ALIVE_S: Final = 0.9
 """A browser hears at least so often that the robot is there, rounded up to a look."""
 ALIVE: Final = "."
@@ -154,6 +165,21 @@ class _Line:
             self.task.cancel()
 
 
+class _Pace:
+    """How long pages wait for the next look."""
+
+    def __init__(self) -> None:
+        self.pause_s = LOOK_S
+
+    def note(self, late_s: float, busy_s: float) -> None:
+        """Note a look: how late it began, and how long it worked, without what others did meanwhile."""
+        if late_s > LATE_S:
+            self.pause_s = min(2 * self.pause_s, LONGEST_PAUSE_S)
+        else:
+            self.pause_s = max(self.pause_s / 2, LOOK_S)
+        self.pause_s = min(max(self.pause_s, busy_s / SHARE), LONGEST_PAUSE_S)
+
+
 class _Viewer:
     """An open page and what its browser has."""
 
@@ -182,6 +208,10 @@ class LiveChannel:
         """By the number of the page."""
         self._views: dict[Hashable, LiveView] = {}
         self._is_nudged = False
+        self.looks = 0
+        """Counts the times that all pages were looked after."""
+        self.is_looking = False
+        """It looks after them now: what one page asked for is good enough for the others."""
         accounts.sessions.on_end(self._ended)
 
     def route(self) -> WebSocketRoute:
@@ -249,18 +279,41 @@ class LiveChannel:
 
     async def run(self) -> None:
         """Send and refresh until cancelled."""
+        time, pace = asyncio.get_running_loop().time, _Pace()
+        due = time() + LOOK_S
         while True:
-            if any(view.is_quick for view in self._views.values()):
-                for _ in range(QUICK_LOOKS - 1):
-                    await asyncio.sleep(LOOK_S / QUICK_LOOKS)
-                    self._look(only_quick=True)
-                await asyncio.sleep(LOOK_S / QUICK_LOOKS)
-            else:
-                await asyncio.sleep(LOOK_S)
+            await self._wait_until(due, may_be_quick=pace.pause_s <= LOOK_S)
+            late_s = time() - due
+            pace.note(late_s, await self._look_after_pages())
+            due = max(due + pace.pause_s, time())
+
+    async def _wait_until(self, due: float, *, may_be_quick: bool) -> None:
+        """Wait, and send meanwhile what is quick, and that the robot is there."""
+        time = asyncio.get_running_loop().time
+        while (left_s := due - time()) > 0.0:
+            is_quick = may_be_quick and any(view.is_quick for view in self._views.values())
+            step_s = LOOK_S / QUICK_LOOKS if is_quick else LOOK_S
+            await asyncio.sleep(min(left_s, step_s))
+            if due - time() > step_s / 2:
+                self._look(only_quick=True)
+
+    async def _look_after_pages(self) -> float:
+        """Refresh all pages and send what has changed; returns the seconds that this took."""
+        time = asyncio.get_running_loop().time
+        began = time()
+        busy_s = 0.0
+        self.looks += 1
+        self.is_looking = True
+        try:
             for number in list(self._viewers):
-                if self._refresh(number):
-                    await asyncio.sleep(0)  # STOP, and parts, wait for one page, not for thirty
+                if self._refresh(number) and time() - began >= TURN_S:
+                    busy_s += time() - began
+                    await asyncio.sleep(0)  # STOP, and parts, wait for a few pages, not for thirty
+                    began = time()
             self._look()
+        finally:
+            self.is_looking = False
+        return busy_s + time() - began
 
     def _refresh(self, number: str) -> bool:
         viewer = self._viewers.get(number)
@@ -290,10 +343,9 @@ class LiveChannel:
                 except Exception:  # what others look at goes on
                     _PAGES.exception("what pages show of %s stays as it was", view.name)
         for viewer in self._viewers.values():
-            if not only_quick or (viewer.view is not None and viewer.view.is_quick):
-                self._tell(viewer, now)
+            self._tell(viewer, now, only_quick=only_quick)
 
-    def _tell(self, viewer: _Viewer, now: float) -> None:
+    def _tell(self, viewer: _Viewer, now: float, *, only_quick: bool) -> None:
         line, view = viewer.line, viewer.view
         if line is None or viewer.is_hidden:
             return
@@ -305,7 +357,7 @@ class LiveChannel:
             line.end(OVER)
             return
         text = ""
-        if view is not None and viewer.seen != view.number:
+        if view is not None and viewer.seen != view.number and (view.is_quick or not only_quick):
             text = view.changes if viewer.seen == view.number - 1 else view.whole()
             viewer.seen = view.number
         elif now - viewer.heard_at >= ALIVE_S:

@@ -115,10 +115,12 @@ class TopicWatch:
 
     def rate_hz(self, now: float) -> float:
         """Samples a second, over the last few seconds."""
-        recent = [(at, count) for at, count in self._counts if at >= now - RATE_WINDOW_S]
-        if len(recent) < 2 or recent[-1][0] <= recent[0][0]:
+        counts = self._counts
+        while counts and counts[0][0] < now - RATE_WINDOW_S:
+            counts.popleft()
+        if len(counts) < 2:
             return 0.0
-        (first_at, first), (last_at, last) = recent[0], recent[-1]
+        (first_at, first), (last_at, last) = counts[0], counts[-1]
         # Silence since the last sample lowers the rate at once, not only when the window is empty.
         return (last - first) / max(last_at - first_at, now - first_at - 1.0)
 

@@ -5,7 +5,8 @@ Pages ask their sight and need not know which of the two it is; what changes the
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Generic, Protocol, TypeVar
 
 from msbot_agent.text.sentence import said
 from msbot_web.models.bus_models import BusFigures, FrameLine
@@ -15,6 +16,28 @@ from msbot_xrce.errors import NotThere
 
 if TYPE_CHECKING:
     from msbot_web.service import Service
+
+
+_T = TypeVar("_T")
+
+
+class OfRobot(Generic[_T]):
+    """Something that many pages need of the same snapshot of the robot: worked out once.
+
+    Args:
+        work: works it out; nobody changes what it returns.
+    """
+
+    def __init__(self, work: Callable[[Robot], _T]) -> None:
+        self._work = work
+        self._known: tuple[Robot, _T] | None = None
+
+    def __call__(self, robot: Robot) -> _T:
+        """What the robot has of it."""
+        known = self._known
+        if known is None or known[0] is not robot:
+            known = self._known = (robot, self._work(robot))
+        return known[1]
 
 
 class RobotView(Protocol):

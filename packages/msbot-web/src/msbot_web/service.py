@@ -56,6 +56,8 @@ if TYPE_CHECKING:
 
 SHARED_S = 0.2
 """How long one snapshot of the robot serves every page."""
+LONGEST_SHARED_S = 1.0
+"""Likewise, while the pages are refreshed one after the other."""
 MAX_BLUEPRINT = 256 * 1024
 """Octets of a blueprint."""
 BACKUP = "backup"
@@ -146,7 +148,7 @@ class Service:
         """What is handed in of lessons."""
         self.live = LiveChannel(accounts)
         """What is live on pages."""
-        self._seen_robot: tuple[float, int, Robot] | None = None
+        self._seen_robot: tuple[float, tuple[int, int], Robot] | None = None
         self._held = HeldControls(lambda: views.bench)
         operations.pupils.use_holds(self._held.end_where)
         accounts.sessions.on_end(self._signed_out)
@@ -182,15 +184,18 @@ class Service:
 
     def robot(self) -> Robot:
         """The robot with all its slots; worked out once for all pages that ask at the same time."""
-        now, asked = self._clock(), self.operations.asked
-        if self._seen_robot is not None and now - self._seen_robot[0] < SHARED_S and self._seen_robot[1] == asked:
-            return self._seen_robot[2]
+        # The numbers of what was asked for, and of the look at all pages in which this is.
+        now, marks = self._clock(), (self.operations.asked, self.live.looks if self.live.is_looking else 0)
+        if self._seen_robot is not None and self._seen_robot[1][0] == marks[0]:
+            shared_s = LONGEST_SHARED_S if marks[1] and self._seen_robot[1] == marks else SHARED_S
+            if now - self._seen_robot[0] < shared_s:
+                return self._seen_robot[2]
         slots = self.views.slots()
         robot = self._robot().model_copy(
             update={"slots": slots, "arrivals": self.views.waiting(), "trouble": self._records.trouble()}
         )
         # From the end of the work on: else a robot that takes longer than this to work out would never be shared.
-        self._seen_robot = (self._clock(), asked, robot)
+        self._seen_robot = (self._clock(), marks, robot)
         return robot
 
     async def values(self, slot: str) -> list[Value]:

@@ -25,6 +25,7 @@ from msbot_web.models.robot_models import (
     SettingDeclaration,
     SlotCard,
     StopState,
+    unchecked,
 )
 from msbot_xrce.lazy import dataclass
 
@@ -33,6 +34,9 @@ STALE_PERIODS = 3
 SHORTEST_PERIOD_S = 0.2
 """A value that comes more often is not called stale because of a hiccup."""
 
+
+_slot_card, _port_line = unchecked(SlotCard), unchecked(PortLine)
+_part_line, _session_faults = unchecked(PartLine), unchecked(SessionFaults)
 
 SaidByHand = Callable[[], Mapping[tuple[str, str], Mapping[str, Scalar]]]
 """What people say to the ports that they drive by hand: `(slot, port)` -> fields."""
@@ -99,29 +103,32 @@ class SlotCards:
         self._by_hand = by_hand
         self._planted = planted
         self._type_differences = type_differences
-        self._ends_are_of: Blueprint | None = None
-        self._ends: Mapping[str, list[_End]] = {}
-        self._slots: Mapping[str, Slot] = {}
+        self._places_are_of: tuple[Blueprint, Library] | None = None
+        self._places: Mapping[str, _Place] = {}
 
     def all(self) -> list[SlotCard]:
         """All slots, in the order of the blueprint."""
         look = self._look()
-        return [self._card(slot, look) for slot in self._slots.values()]
+        return [self._card(place, look) for place in self._places.values()]
 
     def card(self, name: str) -> SlotCard:
         """The slot of that name, which there is."""
         look = self._look()
-        return self._card(self._slots[name], look)
+        return self._card(self._places[name], look)
 
     def _look(self) -> _RobotSnapshot:
-        now, blueprint = self._clock(), self._blueprint()
-        if blueprint is not self._ends_are_of:
-            self._ends_are_of, self._ends = blueprint, _ends_of(blueprint)
-            self._slots = {slot.name: slot for slot in blueprint.slots}
+        now, blueprint, library = self._clock(), self._blueprint(), self.library
+        known = self._places_are_of
+        if known is None or known[0] is not blueprint or known[1] is not library:
+            self._places_are_of, self._places = (blueprint, library), _places_of(blueprint, library)
         view = self._parts(now)
         infos = {info.slot: info for info in view if info.slot}
         spares = self._spares(info for info in view if info.state is PartState.STANDBY)
-        return _RobotSnapshot(now, infos, spares, self._plugged(), self._ends, self._stop(), self._by_hand())
+        stop = self._stop()
+        confirmed = frozenset(one.part for one in stop.confirmed)
+        return _RobotSnapshot(
+            now, infos, spares, self._plugged(), stop.stopped, confirmed, self._by_hand(), self._beat_s()
+        )
 
     def _spares(self, waiting: Iterable[PartInfo]) -> Mapping[str, list[str]]:
         """The names of the parts that stand by, by the part numbers of the slots that they can fill."""
@@ -132,14 +139,16 @@ class SlotCards:
                 found.setdefault(number, []).append(info.part)
         return found
 
-    def _card(self, slot: Slot, look: _RobotSnapshot) -> SlotCard:
+    def _card(self, place: _Place, look: _RobotSnapshot) -> SlotCard:
+        slot, part_type = place.slot, place.part_type
         info = look.infos.get(slot.name)
-        part_type = self.library.get(slot.part_number)
         # An adopted part may be of another type than the slot is for, also of one that the library does not know.
         own_type = self.library.get(info.part_number) if info is not None and info.part_number else part_type
-        beat_s = self._beat_s()
-        is_counted = info is not None and info.state.is_registered and info.beat_age_s is not None
-        return SlotCard(
+        plugged = look.plugged.get(slot.name)
+        next_beat_s = None
+        if info is not None and info.beat_age_s is not None and info.state.is_registered:
+            next_beat_s = look.beat_s - info.beat_age_s
+        return _slot_card(
             name=slot.name,
             part_number=slot.part_number,
             type_name="" if own_type is None else own_type.name,
@@ -148,13 +157,11 @@ class SlotCards:
             state="empty" if info is None else info.state.value,
             reason=said("nothing is plugged in") if info is None else info.reason,
             part=None if info is None else part_line(info, is_ignored=self._ignored(info)),
-            ports=[self._port(end, slot, part_type, look) for end in look.ends.get(slot.name, ())],
-            next_beat_s=beat_s - info.beat_age_s
-            if is_counted and info is not None and info.beat_age_s is not None
-            else None,
+            ports=[self._port(end, slot, look) for end in place.ends],
+            next_beat_s=next_beat_s,
             spares=list(look.spares.get(slot.part_number, ())),
-            simulated=slot.name in look.plugged,
-            plugged=look.plugged.get(slot.name),
+            simulated=plugged is not None,
+            plugged=plugged,
             faults=list(self._planted(slot.name)),
             type_differences=[] if info is None else list(self._type_differences(info.client_key)),
             wear=self._wear(info),
@@ -163,15 +170,14 @@ class SlotCards:
     def _wear(self, info: PartInfo | None) -> SessionFaults | None:
         """What went wrong between agent and part in its session."""
         wear = None if info is None or not info.state.is_registered else self._wear_of(info.client_key)
-        return None if wear is None else SessionFaults(repeated=wear.repeated, resent=wear.resent, unread=wear.unread)
+        return None if wear is None else _session_faults(repeated=wear.repeated, resent=wear.resent, unread=wear.unread)
 
-    def _port(self, end: _End, slot: Slot, part_type: PartType | None, look: _RobotSnapshot) -> PortLine:
+    def _port(self, end: _End, slot: Slot, look: _RobotSnapshot) -> PortLine:
         binding, now = end.binding, look.now
         watch = self.live.topic(binding.topic)
-        port = None if part_type is None else part_type.port(end.port)
         told = look.by_hand.get((slot.name, end.port))
         held = "" if end.publishes else "by hand" if told is not None else _held(look, slot.name, binding)
-        return PortLine(
+        return _port_line(
             port=end.port,
             topic=binding.topic,
             type_name=binding.type_name,
@@ -181,29 +187,27 @@ class SlotCards:
             count=0 if watch is None else watch.count,
             age_s=None if watch is None or watch.at is None else now - watch.at,
             fields=dict(told) if told is not None else {} if watch is None else self.live.fields(watch),
-            stale=told is None and watch is not None and self._is_stale(watch, binding, look),
+            stale=told is None and watch is not None and _is_stale(watch, end, look),
             held=held,
-            safe=dict(port.safe) if held in ("stopped", "partner lost") and port is not None and port.safe else {},
+            safe=dict(end.safe) if held in ("stopped", "partner lost") else {},
         )
 
-    def _is_stale(self, watch: TopicWatch, binding: Binding, look: _RobotSnapshot) -> bool:
-        """Whether a value is out of date."""
-        if watch.at is None:
-            return False
-        source = look.infos.get(binding.source.slot)
-        if source is None or not source.state.is_registered:
-            return True
-        slot = self._slots.get(binding.source.slot)
-        part_type = None if slot is None else self.library.get(slot.part_number)
-        port = None if part_type is None else part_type.port(binding.source.port)
-        if port is None or not port.rate_hz:  # sent when something happens: silence is no sign
-            return False
-        return look.now - watch.at > STALE_PERIODS * max(watch.period_s, 1 / port.rate_hz, SHORTEST_PERIOD_S)
+
+def _is_stale(watch: TopicWatch, end: _End, look: _RobotSnapshot) -> bool:
+    """Whether a value is out of date."""
+    if watch.at is None:
+        return False
+    source = look.infos.get(end.binding.source.slot)
+    if source is None or not source.state.is_registered:
+        return True
+    if not end.rate_hz:  # sent when something happens: silence is no sign
+        return False
+    return look.now - watch.at > STALE_PERIODS * max(watch.period_s, 1 / end.rate_hz, SHORTEST_PERIOD_S)
 
 
 def part_line(info: PartInfo, *, is_ignored: bool) -> PartLine:
     """A part as pages and API show it."""
-    return PartLine(
+    return _part_line(
         part=info.part,
         part_number=info.part_number,
         local_name=info.local_name,
@@ -269,10 +273,13 @@ class _RobotSnapshot:
     """Names of parts that stand by, by the part number of the slots that they fit."""
     plugged: Mapping[str, bool]
     """Slots whose parts are simulated in this process, and whether these are on the wire."""
-    ends: Mapping[str, list[_End]]
-    stop: StopState
+    is_stopped: bool
+    confirmed: frozenset[str]
+    """Names of the parts that have confirmed STOP."""
     by_hand: Mapping[tuple[str, str], Mapping[str, Scalar]]
     """What people say to ports that they drive by hand."""
+    beat_s: float
+    """Seconds between two beats of a part."""
 
 
 def _held(look: _RobotSnapshot, slot: str, binding: Binding) -> str:
@@ -280,26 +287,51 @@ def _held(look: _RobotSnapshot, slot: str, binding: Binding) -> str:
     info = look.infos.get(slot)
     if info is None or not info.state.is_registered:
         return "gone"
-    if look.stop.stopped:
-        return "stopped" if any(one.part == info.part for one in look.stop.confirmed) else "unconfirmed"
+    if look.is_stopped:
+        return "stopped" if info.part in look.confirmed else "unconfirmed"
     source = look.infos.get(binding.source.slot)
     return "" if source is not None and source.state.is_registered else "partner lost"
 
 
 @dataclass(frozen=True, slots=True)
 class _End:
-    """A slot's end of a binding."""
+    """A slot's end of a binding, with what the library says of the port."""
 
     binding: Binding
     port: str
     publishes: bool
+    rate_hz: float
+    """How often the binding's source publishes; 0: when something happens, or it is not known."""
+    safe: Mapping[str, Scalar]
+    """The port's safe value; empty: it has none."""
 
 
-def _ends_of(blueprint: Blueprint) -> Mapping[str, list[_End]]:
-    """The ends of all bindings by slot, in the order of the blueprint."""
-    found: dict[str, list[_End]] = {}
+@dataclass(frozen=True, slots=True)
+class _Place:
+    """A slot of the blueprint, with what the library says of it."""
+
+    slot: Slot
+    part_type: PartType | None
+    ends: Sequence[_End]
+
+
+def _places_of(blueprint: Blueprint, library: Library) -> Mapping[str, _Place]:
+    """All slots by name, in the order of the blueprint."""
+    types = {slot.name: library.get(slot.part_number) for slot in blueprint.slots}
+
+    def port_of(slot: str, name: str) -> Port | None:
+        part_type = types.get(slot)
+        return None if part_type is None else part_type.port(name)
+
+    def end_of(binding: Binding, slot: str, name: str, rate_hz: float, *, publishes: bool) -> _End:
+        port = port_of(slot, name)
+        return _End(binding, name, publishes, rate_hz, {} if port is None or not port.safe else port.safe)
+
+    ends: dict[str, list[_End]] = {slot.name: [] for slot in blueprint.slots}
     for binding in blueprint.bindings:
-        found.setdefault(binding.source.slot, []).append(_End(binding, binding.source.port, publishes=True))
-        for target in binding.targets:
-            found.setdefault(target.slot, []).append(_End(binding, target.port, publishes=False))
-    return found
+        source = port_of(binding.source.slot, binding.source.port)
+        rate_hz = 0.0 if source is None or not source.rate_hz else source.rate_hz
+        for publishes, one in ((True, binding.source), *((False, target) for target in binding.targets)):
+            if one.slot in ends:
+                ends[one.slot].append(end_of(binding, one.slot, one.port, rate_hz, publishes=publishes))
+    return {slot.name: _Place(slot, types[slot.name], ends[slot.name]) for slot in blueprint.slots}

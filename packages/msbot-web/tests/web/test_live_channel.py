@@ -11,11 +11,23 @@ import pytest
 from starlette.websockets import WebSocket
 
 from msbot.operations.rights import Role
-from msbot.process.virtual_time import run_virtual
+from msbot.process.virtual_time import VirtualTimeLoop, run_virtual
 from msbot_web.access.accounts import Accounts
 from msbot_web.access.sessions import Session
 from msbot_web.access.users import MemoryUsers
-from msbot_web.live_channel import ALIVE, NONSENSE, NOT_THERE, OVER, SEND_S, LiveChannel, LiveView
+from msbot_web.live_channel import (
+    ALIVE,
+    ALIVE_S,
+    LONGEST_PAUSE_S,
+    LOOK_S,
+    NONSENSE,
+    NOT_THERE,
+    OVER,
+    SEND_S,
+    SHARE,
+    LiveChannel,
+    LiveView,
+)
 
 
 class Browser:
@@ -147,6 +159,48 @@ def test_who_hears_nothing_new_hears_that_the_robot_is_there() -> None:
         _, browser = await stage.open("page")
         await asyncio.sleep(10.0)
         assert 9 <= browser.heard.count(ALIVE) <= 11
+
+    on_stage(play)
+
+
+def test_a_late_loop_looks_after_pages_less_often_and_still_says_that_the_robot_is_there() -> None:
+    async def play(stage: Stage) -> None:
+        loop = asyncio.get_running_loop()
+        assert isinstance(loop, VirtualTimeLoop)
+        page, browser = await stage.open("page")
+        await asyncio.sleep(2.0)
+        usual = page.refreshed
+        ends_at = loop.time() + 30.0
+        while loop.time() < ends_at:  # whatever is due comes late: something else works for 0.15 s at a time
+            loop._set_clock(loop.time() + 0.15)
+            await asyncio.sleep(0.001)
+        assert page.refreshed - usual <= 30.0 / LOOK_S / 2
+        assert browser.heard.count(ALIVE) >= 30.0 / ALIVE_S / 2
+        await asyncio.sleep(3 * LONGEST_PAUSE_S)
+        usual = page.refreshed
+        await asyncio.sleep(10.0)
+        assert page.refreshed - usual >= 10.0 / LOOK_S - 1
+
+    on_stage(play)
+
+
+def test_pages_take_a_part_of_the_time_however_much_they_have_to_do() -> None:
+    async def play(stage: Stage) -> None:
+        loop = asyncio.get_running_loop()
+        assert isinstance(loop, VirtualTimeLoop)
+        page, _ = await stage.open("page")
+
+        class Slow(OpenPage):
+            def refresh(self) -> None:
+                super().refresh()
+                loop._set_clock(loop.time() + 0.1)
+
+        slow = Slow(stage.session)
+        stage.channel.add("slow", slow)
+        began = loop.time()
+        await asyncio.sleep(40.0)
+        assert slow.refreshed * 0.1 <= (loop.time() - began) * SHARE + 0.1
+        assert page.refreshed > 0
 
     on_stage(play)
 

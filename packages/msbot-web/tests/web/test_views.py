@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import asyncio
+import json
 from pathlib import Path
 
 import pytest
 
 from msbot.part import HelloWorld
 from msbot_agent.link.can.protocol import Frame
+from msbot_web.models.robot_models import SlotCard
 from msbot_web.svg.drawings import done_fields
 from msbot_xrce.errors import NotThere
 from tests.operations.stage import AA_IS_A_DIAL
@@ -34,6 +36,17 @@ def test_slots_stand_in_the_order_of_the_blueprint_with_part_beat_and_wires(tmp_
         assert rig.views.slot("BB").name == second.name
         assert len(rig.views.beat_intervals("AA")) >= 2
         assert rig.views.beat_intervals("AA") == pytest.approx([1.0] * len(rig.views.beat_intervals("AA")), abs=0.2)
+
+    show(tmp_path, scene)
+
+
+def test_what_is_made_without_checks_is_what_the_models_take(tmp_path: Path) -> None:
+    async def scene(rig: Rig) -> None:
+        await rig.look(2.0)
+        for card in rig.views.slots():
+            assert SlotCard.model_validate(card.model_dump()) == card
+            assert json.loads(card.model_dump_json()) == card.model_dump(mode="json")
+            assert card.model_fields_set == set(SlotCard.model_fields)
 
     show(tmp_path, scene)
 

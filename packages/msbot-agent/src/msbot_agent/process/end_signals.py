@@ -102,13 +102,15 @@ def give_memory_back() -> None:
 _T = TypeVar("_T")
 
 
-def run_to_end(main: Coroutine[object, object, _T]) -> _T:
+def run_to_end(
+    main: Coroutine[object, object, _T], loop_factory: Callable[[], asyncio.AbstractEventLoop] | None = None
+) -> _T:
     """Run a coroutine to its end, as `asyncio.run` does.
 
     The loop that Windows gets from `asyncio.run` cannot watch a socket (`add_reader`), which links live on.
     """
     give_memory_back()
-    with asyncio.Runner(loop_factory=_loop_factory()) as runner:
+    with asyncio.Runner(loop_factory=loop_factory or _loop_factory()) as runner:
         return runner.run(main)
 
 

@@ -5,9 +5,9 @@ Ages and rates are worked out at the moment of asking, so nobody has to share a 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Annotated
+from typing import Annotated, Any, ParamSpec, TypeVar, cast
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
@@ -36,6 +36,29 @@ class Model(BaseModel):
     """Base: values are never changed, and unknown fields in a request are an error."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+_P = ParamSpec("_P")
+_T = TypeVar("_T")
+
+
+def unchecked(model: Callable[_P, _T]) -> Callable[_P, _T]:
+    """A model without its checks, for what is made of a robot's own values many times a second.
+
+    Every field has to be given, by name, as the model would have it.
+    """
+    kind, put = cast("type[Model]", model), object.__setattr__
+    names = set(kind.model_fields)
+
+    def make(*_nothing: _P.args, **fields: _P.kwargs) -> _T:
+        made: Any = kind.__new__(kind)
+        put(made, "__dict__", fields)
+        put(made, "__pydantic_fields_set__", names)
+        put(made, "__pydantic_extra__", None)
+        put(made, "__pydantic_private__", None)
+        return cast("_T", made)
+
+    return make
 
 
 # What a part says of itself, and the wires that would fit it, as pages and API show them.

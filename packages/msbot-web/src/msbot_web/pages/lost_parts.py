@@ -8,24 +8,28 @@ from nicegui import ui
 
 from msbot.pnp import PartState
 from msbot_web.models.robot_models import Robot
+from msbot_web.robot_view import OfRobot
 
 if TYPE_CHECKING:
     from msbot_web.pages.page import Page
 
 
-def lost_slots(robot: Robot) -> list[str]:
-    """The slots whose part is lost."""
-    return [card.name for card in robot.slots if card.state == PartState.LOST.value]
+def _lost_slots(robot: Robot) -> frozenset[str]:
+    return frozenset(card.name for card in robot.slots if card.state == PartState.LOST.value)
+
+
+lost_slots = OfRobot(_lost_slots)
+"""The slots whose part is lost."""
 
 
 def notify_lost(page: Page) -> None:
     """Say it on every page when a part is lost while the page is open, and no longer than it is."""
-    known: set[str] | None = None
+    known: frozenset[str] | None = None
     told = dict[str, ui.notification]()
 
     def look() -> None:
         nonlocal known
-        lost = set(lost_slots(page.service.robot()))
+        lost = lost_slots(page.service.robot())
         for name in sorted(lost - known) if known is not None else ():
             words = page.translate("The part in slot {name} is lost.", name=name)
             told[name] = ui.notification(words, type="negative", timeout=8)

@@ -33,6 +33,7 @@ from msbot_web.pages.menu import is_pupil
 from msbot_web.pages.page import Page
 from msbot_web.pages.page_elements import set_html
 from msbot_web.pages.slot_drawer import open_slot_drawer
+from msbot_web.robot_view import OfRobot
 from msbot_web.service import Service
 from msbot_web.svg.drawings import state_chip
 
@@ -61,9 +62,7 @@ def _summary(page: Page) -> None:
 
     def show() -> None:
         robot = page.sight.robot()
-        counts: dict[str, int] = {}
-        for card in robot.slots:
-            counts[card.state] = counts.get(card.state, 0) + 1
+        counts = _states(robot)
         first = robot.slots[0].part_number if robot.slots else ""
         whose = (robot.version, robot.serial_number, robot.manufacturer, *robot.links)
         wanted = (page.is_past, whose, first, tuple(counts.items()))
@@ -89,6 +88,17 @@ def _summary(page: Page) -> None:
     page.every_look(show)
 
 
+def _count_states(robot: Robot) -> Mapping[str, int]:
+    counts: dict[str, int] = {}
+    for card in robot.slots:
+        counts[card.state] = counts.get(card.state, 0) + 1
+    return counts
+
+
+_states, _names = OfRobot(_count_states), OfRobot(lambda robot: tuple(card.name for card in robot.slots))
+"""How many slots are in each state; the names of all slots."""
+
+
 class _Grid:
     """The cards of all slots."""
 
@@ -106,7 +116,7 @@ class _Grid:
     def _show(self) -> None:
         page, live = self._page, self._page.service.live
         robot = page.sight.robot()
-        places = (page.is_past, [card.name for card in robot.slots], self._groups, self._own)
+        places = (page.is_past, _names(robot), self._groups, self._own)
         if places != self._places:
             self._places, self._shown = places, looks_of(robot)
             self._element.set_content(self._whole(robot))

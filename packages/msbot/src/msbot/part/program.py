@@ -16,6 +16,7 @@ from msbot.part.messages.leaves import leaf_codecs
 from msbot.part.messages.message import Message
 from msbot.part.part_settings import DeclaredSetting, DeclaredSettings
 from msbot.service_types import ServiceType
+from msbot_agent.process.timer_grid import first_time
 from msbot_xrce.errors import ConfigError, LocalProtocolError
 from msbot_xrce.lazy import dataclass
 
@@ -41,11 +42,11 @@ class Every:
         self._rests = False
 
     def start(self, guard: Guard) -> None:
-        """Have the guard call it in the next turn of the loop, and then every period."""
+        """Have the guard call it in the next turn of the loop (a grid's next point), and then every period."""
         self.cancel()
         self._guard = guard
         loop = asyncio.get_running_loop()
-        self._arm(loop, loop.time(), guard)
+        self._arm(loop, first_time(loop), guard)
 
     def cancel(self) -> None:
         """Stop calling it."""

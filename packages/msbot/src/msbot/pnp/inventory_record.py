@@ -139,10 +139,8 @@ class InventoryRecord:
     def name(self) -> str:
         """What people call it: local name, else slot, else part number, else address."""
         claim = self.claim
-        where = said("{address}", address=self.address)  # a name of its own, to be hidden from students
-        if claim is None:
-            return where
-        return claim.local_name or self.slot or claim.part_number or where
+        known = "" if claim is None else claim.local_name or self.slot or claim.part_number
+        return known or said("{address}", address=self.address)  # a name of its own, to be hidden from students
 
     def move(self, to: PartState, now: float, reason: str, evidence: Evidence = ()) -> PartEvent:
         """Enter another state; everything else must be up to date already.

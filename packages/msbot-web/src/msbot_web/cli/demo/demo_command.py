@@ -33,6 +33,7 @@ from msbot_agent.cli.options import FiniteRange, WholeRange, space_option
 from msbot_agent.link.can.sim import SimBusServer, check_free
 from msbot_agent.process.end_signals import on_end_signal, run_to_end, ungrouped
 from msbot_agent.process.nonblocking_output import nonblocking_output
+from msbot_agent.process.timer_grid import TimerGridLoop
 from msbot_agent.space import SharedSpace, SpaceAddress
 from msbot_agent.startup.bytecode_cache import without_garbage_collection
 from msbot_agent.startup.extensions import extensions
@@ -260,7 +261,8 @@ def command(
             store, node_ids = registry.runs.begin(robot), registry.runs.node_ids(robot, "demo")
             with nonblocking_output():
                 run_to_end(
-                    _main(options, blueprint, library, (registry, store, node_ids, address), folder, nexts=nexts)
+                    _main(options, blueprint, library, (registry, store, node_ids, address), folder, nexts=nexts),
+                    TimerGridLoop,
                 )
         if nexts:
             nexts[0].write(folder)

@@ -54,6 +54,7 @@ from msbot_agent.link import Link, bound_name, open_link
 from msbot_agent.link.can import CanSettings, Codec
 from msbot_agent.process.end_signals import run_to_end
 from msbot_agent.process.nonblocking_output import nonblocking_output
+from msbot_agent.process.timer_grid import TimerGridLoop
 from msbot_agent.space import SharedSpace, SpaceAddress
 from msbot_xrce import compress, decompress, is_whole
 from msbot_xrce.errors import ConfigError
@@ -217,7 +218,8 @@ def _with_database(  # noqa: PLR0917 - what the command was given
         links = [open_link(address, serve=True, can=can) for address in addresses]
         try:
             with nonblocking_output():
-                run_to_end(_main(blueprint, library, links, where, (registry, store, db), beside, description, lease))
+                main = _main(blueprint, library, links, where, (registry, store, db), beside, description, lease)
+                run_to_end(main, TimerGridLoop)
         except LeaseLost as error:
             click.echo(str(error))
             return True

@@ -122,6 +122,8 @@ class WorkScheduler:
         self._loop: asyncio.AbstractEventLoop | None = None
         self._booked = False
         self._timer: asyncio.TimerHandle | None = None
+        self._armed_for = 0.0
+        """The time that the timer was set to; the loop may round it."""
         self._due_at: float | None = None
 
     @property
@@ -154,13 +156,14 @@ class WorkScheduler:
         self._due_at = due_at = min((time for time in times if time is not None), default=None)
         if due_at is None:
             self._cancel_timer()
-        elif self._timer is None or self._timer.when() > due_at:
+        elif self._timer is None or self._armed_for > due_at:
             self._cancel_timer()
             self._arm(due_at)
         # Else the timer comes too early and is set again then: most are put off with each packet that comes.
 
     def _arm(self, due_at: float) -> None:
         if self._loop is not None:
+            self._armed_for = due_at
             self._timer = self._loop.call_at(due_at, self._timer_due, due_at)
 
     def _timer_due(self, at: float) -> None:

@@ -1,0 +1,63 @@
+"""An event loop whose timers come in groups, so that a robot at rest wakes its computer seldom.
+
+A robot's process has hundreds of timers: beats, samples of simulated parts, looks of pages. Each wakes the process by
+itself, and a process that has just been woken is slow. Here a timer that is far away comes at the next point of a grid,
+the same one for all; periods that are multiples of the grid's step keep their length. A near timer is exact.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections.abc import Callable
+from contextvars import Context
+from typing import Final, TypeVarTuple
+
+STEPS: Final = ((0.08, 0.05), (0.016, 0.01), (0.0, 0.002))
+"""A timer at least so far away comes at a multiple of so much, seconds; the longer ones are multiples of the others."""
+EARLY_S: Final = 0.01
+"""A pause may end so much too early, or a tenth of it: what sleeps in a circle keeps its period."""
+_ROUNDING: Final = 1e-6
+"""Part of a step that a time on the grid may be off."""
+
+_Ts = TypeVarTuple("_Ts")
+
+
+def on_grid(delay: float, when: float, early_s: float = 0.0) -> float:
+    """The point of the grid for a timer, not earlier than `early_s` before its time.
+
+    Args:
+        delay: how far away it is, seconds.
+        when: its time, seconds of the loop's clock.
+        early_s: how much too early it may come.
+    """
+    for least, step in STEPS:
+        if delay >= least:
+            return math.ceil((when - early_s) / step - _ROUNDING) * step
+    return when
+
+
+def first_time(loop: asyncio.AbstractEventLoop) -> float:
+    """When something periodic begins in this loop: now, or at the next point of its grid."""
+    now = loop.time()
+    if not isinstance(loop, TimerGridLoop):
+        return now
+    step = STEPS[0][1]
+    return math.ceil(now / step) * step
+
+
+class TimerGridLoop(asyncio.SelectorEventLoop):
+    """See the module's docstring."""
+
+    def call_at(
+        self, when: float, callback: Callable[[*_Ts], object], *args: *_Ts, context: Context | None = None
+    ) -> asyncio.TimerHandle:
+        """Call it at that time of the loop's clock or at the next point of the grid; never too early."""
+        return super().call_at(on_grid(when - self.time(), when), callback, *args, context=context)
+
+    def call_later(
+        self, delay: float, callback: Callable[[*_Ts], object], *args: *_Ts, context: Context | None = None
+    ) -> asyncio.TimerHandle:
+        """Call it after that time, at the point of the grid that is near."""
+        when = on_grid(delay, self.time() + delay, min(EARLY_S, delay / 10))
+        return super().call_at(when, callback, *args, context=context)

@@ -1,0 +1,66 @@
+"""Timers that come together: near ones exactly, far ones at the points of one grid, circles with their period."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+
+import pytest
+
+from msbot_agent.process.end_signals import run_to_end
+from msbot_agent.process.timer_grid import EARLY_S, STEPS, TimerGridLoop, first_time, on_grid
+
+FAR_S, NEAR_S = STEPS[0][1], STEPS[-1][1]
+
+
+def test_timers_that_are_far_away_come_in_the_same_turn() -> None:
+    (point,) = {on_grid(0.1, at) for at in (100.101, 100.11, 100.13, 100.1499)}
+    assert point == pytest.approx(100.15)
+
+
+def test_no_timer_comes_early_and_none_later_than_a_step() -> None:
+    for delay in (0.0, 0.001, 0.01, 0.02, 0.07, 0.08, 0.5, 60.0):
+        for now in (0.0, 1.2345, 86400.777):
+            step = next(step for least, step in STEPS if delay >= least)
+            assert -1e-6 <= on_grid(delay, now + delay) - (now + delay) <= step
+
+
+def test_a_point_of_the_grid_stays_where_it_is() -> None:
+    for number in range(1, 100_000, 997):
+        assert on_grid(0.1, number * FAR_S) == pytest.approx(number * FAR_S, abs=1e-9)
+
+
+def test_who_sleeps_in_a_circle_keeps_the_period() -> None:
+    now = 50 * FAR_S
+    for _ in range(100):
+        woken = now + EARLY_S / 2  # the work of a turn takes its time
+        after = on_grid(0.1, woken + 0.1, EARLY_S)
+        assert after == pytest.approx(now + 0.1)
+        now = after
+
+
+def test_the_loop_rounds_its_timers_and_begins_circles_on_the_grid() -> None:
+    async def main() -> None:
+        loop = asyncio.get_running_loop()
+        now = loop.time()
+        exact, far = loop.call_at(now + NEAR_S, print), loop.call_at(now + 1.0, print)
+        assert 0.0 <= far.when() - (now + 1.0) <= FAR_S
+        assert far.when() / FAR_S == pytest.approx(round(far.when() / FAR_S), abs=1e-5)
+        assert 0.0 <= exact.when() - (now + NEAR_S) <= NEAR_S * 1.001
+        assert first_time(loop) / FAR_S == pytest.approx(round(first_time(loop) / FAR_S), abs=1e-5)
+        for timer in (exact, far):
+            timer.cancel()
+        began = time.monotonic()
+        await asyncio.sleep(0.05)
+        assert time.monotonic() - began >= 0.05 - EARLY_S
+
+    run_to_end(main(), TimerGridLoop)
+
+
+def test_any_other_loop_begins_circles_at_once() -> None:
+    async def main() -> None:
+        loop = asyncio.get_running_loop()
+        before = loop.time()
+        assert before <= first_time(loop) <= loop.time()
+
+    run_to_end(main())
