@@ -58,8 +58,10 @@ class Usage:
 
 def children_of(pid: int) -> list[int]:
     """The processes that a process has started."""
-    text = Path(f"/proc/{pid}/task/{pid}/children").read_text()
-    own = [int(word) for word in text.split()]
+    own: list[int] = []
+    for task in Path(f"/proc/{pid}/task").iterdir():  # each thread has those that it has started
+        with contextlib.suppress(OSError):  # it has ended
+            own += [int(word) for word in (task / "children").read_text().split()]
     return own + [further for child in own for further in children_of(child)]
 
 

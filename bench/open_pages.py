@@ -127,7 +127,7 @@ class OpenPage:
             raise OSError("closed")
 
     async def _live(self, client: str) -> None:
-        async with self._connect(f"/live?page={client}") as line:
+        async with self._connect(f"/live?page={client}&packed=1") as line:
             self._is_live = True
             try:
                 async for message in line:

@@ -18,6 +18,7 @@ import asyncio
 import contextlib
 import json
 import logging
+import zlib
 from collections.abc import Callable, Hashable, Mapping
 from typing import Final, Protocol
 
@@ -50,6 +51,8 @@ SEND_S: Final = 20.0
 """How long a browser may take until there is room for the next message."""
 READ_S: Final = 0.05
 """A browser says when it is hidden and seen; whoever says more is read so slowly."""
+LEAST_PACKED: Final = 1000
+"""Characters from which on a message is packed (zlib), once for all browsers, for those that can unpack it."""
 NOT_THERE: Final = 4404
 NONSENSE: Final = 4400
 REPLACED: Final = 4409
@@ -76,6 +79,25 @@ class LivePage(Protocol):
         """Leave the page when its session has ended."""
 
 
+class News:
+    """What is sent to many browsers: written once, and packed once."""
+
+    def __init__(self, text: str) -> None:
+        self.text = text
+        self._packed: bytes | None = None
+
+    def packed(self) -> str | bytes:
+        """The shorter of the two forms."""
+        if len(self.text) < LEAST_PACKED:
+            return self.text
+        if self._packed is None:
+            self._packed = zlib.compress(self.text.encode(), 1)
+        return self._packed
+
+
+_ALIVE = News(ALIVE)
+
+
 class LiveView:
     """Something that many look at: named pieces, each with a mark that changes whenever the piece does.
 
@@ -98,13 +120,13 @@ class LiveView:
         self.is_quick = is_quick
         self.number = 0
         """Counts the changes."""
-        self.changes = ""
-        """The last of them, as text."""
+        self.changes = News("")
+        """The last of them."""
         self._marks = marks
         self._piece = piece
         self._shown: dict[str, Hashable] = {}
         self._pieces: dict[str, str] = {}
-        self._whole: str | None = None
+        self._whole: News | None = None
 
     def look(self) -> None:
         """Find out what has changed."""
@@ -121,33 +143,34 @@ class LiveView:
             self.changes = self._text(changed)
             self._whole = None
 
-    def whole(self) -> str:
-        """All pieces, as text."""
+    def whole(self) -> News:
+        """All pieces."""
         if self._whole is None:
             self._whole = self._text(self._pieces)
         return self._whole
 
-    def _text(self, names: Mapping[str, str] | list[str]) -> str:
+    def _text(self, names: Mapping[str, str] | list[str]) -> News:
         inner = ",".join(f"{json.dumps(name)}:{self._pieces[name]}" for name in names)
-        return f"{{{json.dumps(self.name)}:{{{inner}}}}}"
+        return News(f"{{{json.dumps(self.name)}:{{{inner}}}}}")
 
 
 class _Line:
     """A browser's WebSocket: one message at a time, so that nothing piles up before a browser that reads slowly."""
 
-    def __init__(self, socket: WebSocket) -> None:
+    def __init__(self, socket: WebSocket, *, unpacks: bool) -> None:
+        self._unpacks = unpacks
         self.busy_since: float | None = None
         self.task: asyncio.Task[None] | None = None
         self.code = 1000
         """Why it is closed by us."""
         self._socket = socket
-        self._text = ""
+        self._news: str | bytes = ""
         self._is_due = asyncio.Event()
 
-    def send(self, text: str, now: float) -> None:
+    def send(self, news: News, now: float) -> None:
         """Send something; only while it is not busy."""
         self.busy_since = now
-        self._text = text
+        self._news = news.packed() if self._unpacks else news.text
         self._is_due.set()
 
     async def write(self) -> None:
@@ -155,7 +178,10 @@ class _Line:
         while True:
             await self._is_due.wait()
             self._is_due.clear()
-            await self._socket.send_text(self._text)
+            if isinstance(self._news, str):
+                await self._socket.send_text(self._news)
+            else:
+                await self._socket.send_bytes(self._news)
             self.busy_since = None
 
     def end(self, code: int) -> None:
@@ -356,15 +382,15 @@ class LiveChannel:
         if not self._accounts.holds(viewer.page.session):
             line.end(OVER)
             return
-        text = ""
+        news: News | None = None
         if view is not None and viewer.seen != view.number and (view.is_quick or not only_quick):
-            text = view.changes if viewer.seen == view.number - 1 else view.whole()
+            news = view.changes if viewer.seen == view.number - 1 else view.whole()
             viewer.seen = view.number
         elif now - viewer.heard_at >= ALIVE_S:
-            text = ALIVE
-        if text:
+            news = _ALIVE
+        if news is not None:
             viewer.heard_at = now
-            line.send(text, now)
+            line.send(news, now)
 
     # Browsers
 
@@ -378,7 +404,7 @@ class LiveChannel:
             return
         if viewer.line is not None:
             viewer.line.end(REPLACED)
-        line = viewer.line = _Line(socket)
+        line = viewer.line = _Line(socket, unpacks=socket.query_params.get("packed") == "1")
         viewer.seen, viewer.is_hidden, viewer.heard_at = None, False, 0.0
         writing = asyncio.ensure_future(line.write())
         line.task = asyncio.ensure_future(self._read(socket, viewer))

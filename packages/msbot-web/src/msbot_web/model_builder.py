@@ -151,6 +151,11 @@ class ModelBuilder:
         """All slots, in the order of the blueprint."""
         return self._cards.all()
 
+    def slots_and_waiting(self) -> tuple[list[SlotCard], int]:
+        """`slots` and `waiting`, of one moment."""
+        infos = self._master.inventory.view(self._clock())
+        return self._cards.all(infos), self._waiting(infos)
+
     def slot(self, name: str) -> SlotCard:
         """One slot.
 
@@ -188,7 +193,9 @@ class ModelBuilder:
 
     def waiting(self) -> int:
         """How many parts are among the arrivals and not ignored."""
-        infos = self._master.inventory.view(self._clock())
+        return self._waiting(self._master.inventory.view(self._clock()))
+
+    def _waiting(self, infos: Sequence[PartInfo]) -> int:
         return sum(info.state.value in ARRIVING and not self._ignored(info) for info in infos)
 
     def arrivals(self) -> list[PartLine]:

@@ -287,6 +287,7 @@ class WebServer:
             ws=LazyWebSocket,
             ws_max_size=MAX_MESSAGE,
             ws_max_queue=MOST_MESSAGES,
+            ws_per_message_deflate=False,  # 300 kB and much time for each connection: `live_channel` packs once for all
         )
 
 

@@ -190,9 +190,9 @@ class Service:
             shared_s = LONGEST_SHARED_S if marks[1] and self._seen_robot[1] == marks else SHARED_S
             if now - self._seen_robot[0] < shared_s:
                 return self._seen_robot[2]
-        slots = self.views.slots()
+        slots, arrivals = self.views.slots_and_waiting()
         robot = self._robot().model_copy(
-            update={"slots": slots, "arrivals": self.views.waiting(), "trouble": self._records.trouble()}
+            update={"slots": slots, "arrivals": arrivals, "trouble": self._records.trouble()}
         )
         # From the end of the work on: else a robot that takes longer than this to work out would never be shared.
         self._seen_robot = (self._clock(), marks, robot)

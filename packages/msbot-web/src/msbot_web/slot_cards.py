@@ -106,9 +106,9 @@ class SlotCards:
         self._places_are_of: tuple[Blueprint, Library] | None = None
         self._places: Mapping[str, _Place] = {}
 
-    def all(self) -> list[SlotCard]:
-        """All slots, in the order of the blueprint."""
-        look = self._look()
+    def all(self, parts: Sequence[PartInfo] | None = None) -> list[SlotCard]:
+        """All slots, in the order of the blueprint; `parts` are all parts as they are now, if somebody has them."""
+        look = self._look(parts)
         return [self._card(place, look) for place in self._places.values()]
 
     def card(self, name: str) -> SlotCard:
@@ -116,12 +116,12 @@ class SlotCards:
         look = self._look()
         return self._card(self._places[name], look)
 
-    def _look(self) -> _RobotSnapshot:
+    def _look(self, parts: Sequence[PartInfo] | None = None) -> _RobotSnapshot:
         now, blueprint, library = self._clock(), self._blueprint(), self.library
         known = self._places_are_of
         if known is None or known[0] is not blueprint or known[1] is not library:
             self._places_are_of, self._places = (blueprint, library), _places_of(blueprint, library)
-        view = self._parts(now)
+        view = self._parts(now) if parts is None else parts
         infos = {info.slot: info for info in view if info.slot}
         spares = self._spares(info for info in view if info.state is PartState.STANDBY)
         stop = self._stop()

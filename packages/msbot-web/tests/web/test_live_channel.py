@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import zlib
 from collections.abc import Callable, Coroutine
 from typing import Any, cast
 
@@ -33,9 +34,10 @@ from msbot_web.live_channel import (
 class Browser:
     """A browser's end of the WebSocket."""
 
-    def __init__(self, session: Session, page: str) -> None:
+    def __init__(self, session: Session, page: str, *, unpacks: bool = False) -> None:
+        self.packed: list[bytes] = []
         self.scope = {"state": {"session": session}}
-        self.query_params = {"page": page}
+        self.query_params = {"page": page, "packed": "1" if unpacks else "0"}
         self.heard: list[str] = []
         self.closed: int | None = None
         self.reads = asyncio.Event()
@@ -51,6 +53,11 @@ class Browser:
     async def send_text(self, text: str) -> None:
         await self.reads.wait()
         self.heard.append(text)
+
+    async def send_bytes(self, octets: bytes) -> None:
+        await self.reads.wait()
+        self.packed.append(octets)
+        self.heard.append(zlib.decompress(octets).decode())
 
     async def close(self, code: int) -> None:
         self.closed = code
@@ -108,10 +115,12 @@ class Stage:
 
         return LiveView("cards", lambda: self.values, piece)
 
-    async def open(self, number: str, session: Session | None = None) -> tuple[OpenPage, Browser]:
+    async def open(
+        self, number: str, session: Session | None = None, *, unpacks: bool = False
+    ) -> tuple[OpenPage, Browser]:
         page = OpenPage(self.session)
         self.channel.add(number, page)
-        browser = Browser(session or self.session, number)
+        browser = Browser(session or self.session, number, unpacks=unpacks)
         self._tasks.append(asyncio.create_task(self.channel.serve(cast("WebSocket", browser))))
         await asyncio.sleep(0.01)
         self.channel.show(number, "all", self._make)
@@ -150,6 +159,23 @@ def test_all_hear_the_whole_once_and_then_changes_which_are_worked_out_once() ->
         stage.channel.again("a late page")
         await asyncio.sleep(0.6)
         assert late.news[1:] == [{"fan": 2}]
+
+    on_stage(play)
+
+
+def test_long_news_are_packed_once_for_all_who_can_unpack_them() -> None:
+    async def play(stage: Stage) -> None:
+        stage.values.update({f"slot {number}": number for number in range(200)})
+        plain, *packed = [(await stage.open(f"page {number}", unpacks=number > 0))[1] for number in range(3)]
+        await asyncio.sleep(0.6)
+        assert plain.news == packed[0].news == packed[1].news == [stage.values]
+        assert plain.packed == []
+        assert len(packed[0].packed[0]) < len(plain.heard[0]) / 2
+        assert packed[0].packed[0] is packed[1].packed[0]
+        stage.values["fan"] = 5
+        await asyncio.sleep(0.6)
+        assert packed[0].news[1:] == [{"fan": 5}]
+        assert len(packed[0].packed) == 1  # short ones are not worth it
 
     on_stage(play)
 

@@ -3,28 +3,41 @@
 const msbotLive = (() => {
   const FIRST_MS = 1000, LONGEST_MS = 30000, HIDDEN = "hidden", SHOWN = "shown";
   const shows = {}, known = {};
+  const canUnpack = typeof DecompressionStream === "function";
   let socket = null, wait = FIRST_MS;
+  let reading = Promise.resolve();  // one after the other: what comes packed is there a little later
 
   function open() {
     if (!window.clientId || !window.WebSocket) return later();
     const place = new URL(msbotAt("/live"), location.href);
     place.protocol = location.protocol === "https:" ? "wss:" : "ws:";
-    place.search = new URLSearchParams({ page: window.clientId });
+    place.search = new URLSearchParams({ page: window.clientId, packed: canUnpack ? "1" : "0" });
     socket = new WebSocket(place);
+    socket.binaryType = "arraybuffer";
     socket.onopen = () => { if (document.hidden) socket.send(HIDDEN); };
+    const from = socket;
     socket.onmessage = ({ data }) => {
       wait = FIRST_MS;
       msbot.heard();
       if (data === ".") return;
-      for (const [name, news] of Object.entries(JSON.parse(data))) {
-        known[name] = Object.assign(known[name] || {}, news);
-        if (shows[name]) shows[name](news);
-      }
+      const text = typeof data === "string" ? data : unpacked(data);
+      // What cannot be unpacked is missing: the next connection begins with the whole.
+      reading = reading.then(() => text).then(take, () => from.close()).catch(console.error);
     };
     socket.onclose = () => {
       socket = null;
       later();
     };
+  }
+
+  const unpacked = (octets) =>
+    new Response(new Blob([octets]).stream().pipeThrough(new DecompressionStream("deflate"))).text();
+
+  function take(text) {
+    for (const [name, news] of Object.entries(JSON.parse(text))) {
+      known[name] = Object.assign(known[name] || {}, news);
+      if (shows[name]) shows[name](news);
+    }
   }
 
   // A robot that is restarted is not asked by all of a class in the same instant.

@@ -23,6 +23,9 @@ from msbot_xrce.lazy import dataclass
 SHORTEST_PERIOD_S = 0.001
 """Shortest period that a setting can give a function."""
 
+SMOOTHED = 8
+"""Calls over which it is smoothed how late they are."""
+
 # `@part.every`: a student's function that is called again and again.
 
 
@@ -40,6 +43,8 @@ class Every:
         self._due_at = 0.0
         """A point of the grid: the next call's, while it does not rest."""
         self._rests = False
+        self.late_s = 0.0
+        """How late the loop calls it, smoothed: a measure of how busy the process is."""
 
     def start(self, guard: Guard) -> None:
         """Have the guard call it in the next turn of the loop (a grid's next point), and then every period."""
@@ -99,7 +104,10 @@ class Every:
 
     def _due(self, loop: asyncio.AbstractEventLoop, due_at: float, guard: Guard) -> None:
         self._rests = False
-        behind = max(0.0, loop.time() - due_at)
+        now = loop.time()
+        if self._timer is not None:
+            self.late_s += (now - self._timer.when() - self.late_s) / SMOOTHED
+        behind = max(0.0, now - due_at)
         self._arm(loop, due_at + (behind // self.period_s + 1) * self.period_s, guard)
         if not guard.is_waiting(self.function):
             guard.call(self.function)

@@ -130,6 +130,12 @@ LONGEST_TICK_S = 0.1
 """Longest period of checks for something to say or move; a part that speaks often checks more often."""
 CHANGE_TICK_S = 0.05
 """Longest time until a change is published."""
+LATE_S = 0.03
+"""A simulated part that is called so late on average runs in a process with more work than time. It speaks less often
+then, so that STOP and the parts that are real do not wait for it."""
+GIVE_WAY = 10.0
+"""It rests for so many times as long as it is late."""
+LONGEST_REST_S = 0.5
 
 
 class Distortion(Protocol):
@@ -239,8 +245,12 @@ class ModelPart:
             if self.part.bound(port) and port not in self._unsaid:
                 told = fields if self.distort is None else self.distort(port, fields, now)
                 self.part.publish(port, with_leaves(self._classes[port], told))
-        if self._ticks is not None:
-            self._ticks.rest_until(self._world.quiet_until(now))
+        ticks = self._ticks
+        if ticks is not None:
+            rest_until = self._world.quiet_until(now)
+            if ticks.late_s > LATE_S:
+                rest_until = max(rest_until, now + min(ticks.late_s * GIVE_WAY, LONGEST_REST_S))
+            ticks.rest_until(rest_until)
 
     def _resume(self) -> None:
         """Something has changed: it may have to be published before the clock says so."""
