@@ -19,7 +19,7 @@ import contextlib
 import json
 import logging
 import zlib
-from collections.abc import Callable, Hashable, Mapping
+from collections.abc import Callable, Hashable, Iterable, Mapping
 from typing import Final, Protocol
 
 from starlette.routing import WebSocketRoute
@@ -41,7 +41,7 @@ LATE_S: Final = 0.05
 SHARE: Final = 0.05
 """Pages take at most this part of the time."""
 TURN_S: Final = 0.005
-"""Pages are refreshed for so long until everything else has its turn."""
+"""Pages are refreshed, and changes are written, for so long until everything else has its turn."""
 ALIVE_S: Final = 0.9
 """A browser hears at least so often that the robot is there, rounded up to a look."""
 ALIVE: Final = "."
@@ -126,22 +126,42 @@ class LiveView:
         self._piece = piece
         self._shown: dict[str, Hashable] = {}
         self._pieces: dict[str, str] = {}
+        self._written: dict[str, None] = {}
+        """Pieces that have changed and were written down, and have not been sent."""
+        self._left: str | None = None
+        """The piece that comes next, if there was no time for it."""
         self._whole: News | None = None
 
-    def look(self) -> None:
-        """Find out what has changed."""
+    def look(self, time: Callable[[], float]) -> bool:
+        """Find out what has changed; True: something has of which there was no time to write it down.
+
+        Args:
+            time: the clock that tells how long it has taken.
+        """
+        ends_at = time() + TURN_S
         marks = self._marks()
         changed = [name for name, mark in marks.items() if name not in self._shown or self._shown[name] != mark]
+        if self._left in changed:  # where it stopped the last time
+            at = changed.index(self._left)
+            changed = changed[at:] + changed[:at]
         gone = [name for name in self._shown if name not in marks]
-        pieces = {name: json.dumps(self._piece(name)) for name in changed}
         for name in gone:
             del self._shown[name], self._pieces[name]
-        self._pieces |= pieces
-        self._shown |= {name: marks[name] for name in changed}
-        if changed or gone:
+            self._written.pop(name, None)
+        is_changed, self._left = bool(changed or gone), None
+        for number, name in enumerate(changed):
+            if number and time() >= ends_at:
+                self._left = name
+                return True
+            self._pieces[name] = json.dumps(self._piece(name))
+            self._shown[name] = marks[name]
+            self._written[name] = None
+        if is_changed:
             self.number += 1
-            self.changes = self._text(changed)
+            self.changes = self._text(self._written)
+            self._written = {}
             self._whole = None
+        return False
 
     def whole(self) -> News:
         """All pieces."""
@@ -149,7 +169,7 @@ class LiveView:
             self._whole = self._text(self._pieces)
         return self._whole
 
-    def _text(self, names: Mapping[str, str] | list[str]) -> News:
+    def _text(self, names: Iterable[str]) -> News:
         inner = ",".join(f"{json.dumps(name)}:{self._pieces[name]}" for name in names)
         return News(f"{{{json.dumps(self.name)}:{{{inner}}}}}")
 
@@ -234,6 +254,8 @@ class LiveChannel:
         """By the number of the page."""
         self._views: dict[Hashable, LiveView] = {}
         self._is_nudged = False
+        self._busy_s = 0.0
+        """How long it has worked since all pages were looked after."""
         self.looks = 0
         """Counts the times that all pages were looked after."""
         self.is_looking = False
@@ -272,7 +294,8 @@ class LiveChannel:
         view = self._views.get(key)
         if view is None:
             view = self._views[key] = make()
-            view.look()
+            if view.look(asyncio.get_running_loop().time):
+                self.nudge()
         if viewer.view is not view:
             self._show(viewer, view)
         return True
@@ -310,7 +333,9 @@ class LiveChannel:
         while True:
             await self._wait_until(due, may_be_quick=pace.pause_s <= LOOK_S)
             late_s = time() - due
-            pace.note(late_s, await self._look_after_pages())
+            await self._look_after_pages()
+            pace.note(late_s, self._busy_s)
+            self._busy_s = 0.0
             due = max(due + pace.pause_s, time())
 
     async def _wait_until(self, due: float, *, may_be_quick: bool) -> None:
@@ -323,23 +348,22 @@ class LiveChannel:
             if due - time() > step_s / 2:
                 self._look(only_quick=True)
 
-    async def _look_after_pages(self) -> float:
-        """Refresh all pages and send what has changed; returns the seconds that this took."""
+    async def _look_after_pages(self) -> None:
+        """Refresh all pages and send what has changed."""
         time = asyncio.get_running_loop().time
         began = time()
-        busy_s = 0.0
         self.looks += 1
         self.is_looking = True
         try:
             for number in list(self._viewers):
                 if self._refresh(number) and time() - began >= TURN_S:
-                    busy_s += time() - began
+                    self._busy_s += time() - began
                     await asyncio.sleep(0)  # STOP, and parts, wait for a few pages, not for thirty
                     began = time()
+            self._busy_s += time() - began
             self._look()
         finally:
             self.is_looking = False
-        return busy_s + time() - began
 
     def _refresh(self, number: str) -> bool:
         viewer = self._viewers.get(number)
@@ -358,18 +382,22 @@ class LiveChannel:
     def _look(self, *, only_quick: bool = False) -> None:
         """Send what has changed to all who look."""
         self._is_nudged = False
-        now = asyncio.get_running_loop().time()
+        time = asyncio.get_running_loop().time
+        now, is_more = time(), False
         wanted = {id(one.view) for one in self._viewers.values() if one.line is not None and not one.is_hidden}
         for view in self._views.values():
             if id(view) in wanted and (view.is_quick or not only_quick):
                 try:
-                    view.look()
+                    is_more = view.look(time) or is_more
                 except MsbotError as error:
                     _log.warning("what pages show of %s stays as it was: %s", view.name, error)
                 except Exception:  # what others look at goes on
                     _PAGES.exception("what pages show of %s stays as it was", view.name)
         for viewer in self._viewers.values():
             self._tell(viewer, now, only_quick=only_quick)
+        self._busy_s += time() - now
+        if is_more:
+            self.nudge()
 
     def _tell(self, viewer: _Viewer, now: float, *, only_quick: bool) -> None:
         line, view = viewer.line, viewer.view

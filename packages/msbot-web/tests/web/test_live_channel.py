@@ -6,6 +6,7 @@ import asyncio
 import json
 import zlib
 from collections.abc import Callable, Coroutine
+from itertools import pairwise
 from typing import Any, cast
 
 import pytest
@@ -103,6 +104,8 @@ class Stage:
         self.session = self.sign_in("ada")
         self.values: dict[str, int] = {"knob": 1, "fan": 1}
         self.drawn: list[str] = []
+        self.work_s = 0.0
+        """How long it takes to draw a piece."""
         self._tasks: list[asyncio.Task[None]] = [asyncio.create_task(self.channel.run())]
 
     def sign_in(self, name: str) -> Session:
@@ -110,6 +113,10 @@ class Stage:
 
     def _make(self) -> LiveView:
         def piece(name: str) -> object:
+            loop = asyncio.get_running_loop()
+            assert isinstance(loop, VirtualTimeLoop)
+            if self.work_s:
+                loop._set_clock(loop.time() + self.work_s)
             self.drawn.append(name)
             return self.values[name]
 
@@ -206,6 +213,29 @@ def test_a_late_loop_looks_after_pages_less_often_and_still_says_that_the_robot_
         usual = page.refreshed
         await asyncio.sleep(10.0)
         assert page.refreshed - usual >= 10.0 / LOOK_S - 1
+
+    on_stage(play)
+
+
+def test_much_that_has_changed_is_written_down_in_several_turns_and_sent_at_once() -> None:
+    async def play(stage: Stage) -> None:
+        loop = asyncio.get_running_loop()
+        assert isinstance(loop, VirtualTimeLoop)
+        _, browser = await stage.open("page")
+        await asyncio.sleep(0.6)
+        stage.work_s = 0.01
+        turns: list[int] = []
+        stage.values.update({f"slot {number}": number for number in range(20)})
+
+        def count() -> None:
+            turns.append(len(stage.drawn))
+            if len(stage.drawn) < 22:
+                loop.call_soon(count)
+
+        count()
+        await asyncio.sleep(3.0)
+        assert browser.news == [{"knob": 1, "fan": 1}, {f"slot {number}": number for number in range(20)}]
+        assert max(after - before for before, after in pairwise(turns)) == 1
 
     on_stage(play)
 
