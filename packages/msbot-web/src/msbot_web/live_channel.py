@@ -126,41 +126,39 @@ class LiveView:
         self._piece = piece
         self._shown: dict[str, Hashable] = {}
         self._pieces: dict[str, str] = {}
-        self._written: dict[str, None] = {}
-        """Pieces that have changed and were written down, and have not been sent."""
-        self._left: str | None = None
-        """The piece that comes next, if there was no time for it."""
+        self._left: dict[str, Hashable] = {}
+        """Pieces that have changed, for which there was no time yet, with their marks."""
+        self._written: list[str] = []
+        """Those that are written down, and not sent."""
         self._whole: News | None = None
 
     def look(self, time: Callable[[], float]) -> bool:
-        """Find out what has changed; True: something has of which there was no time to write it down.
+        """Find out what has changed; True: not all of it is written down yet, the next call goes on.
 
         Args:
             time: the clock that tells how long it has taken.
         """
         ends_at = time() + TURN_S
-        marks = self._marks()
-        changed = [name for name, mark in marks.items() if name not in self._shown or self._shown[name] != mark]
-        if self._left in changed:  # where it stopped the last time
-            at = changed.index(self._left)
-            changed = changed[at:] + changed[:at]
-        gone = [name for name in self._shown if name not in marks]
-        for name in gone:
-            del self._shown[name], self._pieces[name]
-            self._written.pop(name, None)
-        is_changed, self._left = bool(changed or gone), None
-        for number, name in enumerate(changed):
-            if number and time() >= ends_at:
-                self._left = name
-                return True
+        if not self._left:
+            marks = self._marks()
+            shown = self._shown
+            self._left = {name: mark for name, mark in marks.items() if name not in shown or shown[name] != mark}
+            gone = [name for name in shown if name not in marks]
+            for name in gone:
+                del shown[name], self._pieces[name]
+            self._written = [name for name in self._written if name in shown]  # should the last look have failed
+            if not self._left and not gone and not self._written:
+                return False
+        while self._left:
+            name = next(iter(self._left))
+            mark = self._left.pop(name)
             self._pieces[name] = json.dumps(self._piece(name))
-            self._shown[name] = marks[name]
-            self._written[name] = None
-        if is_changed:
-            self.number += 1
-            self.changes = self._text(self._written)
-            self._written = {}
-            self._whole = None
+            self._shown[name] = mark
+            self._written.append(name)
+            if self._left and time() >= ends_at:
+                return True
+        self.number += 1
+        self.changes, self._written, self._whole = self._text(self._written), [], None
         return False
 
     def whole(self) -> News:

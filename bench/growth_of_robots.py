@@ -1,0 +1,289 @@
+"""What a robot costs with its parts, its open pages and its days: per message, per part and per page.
+
+    python bench/growth_of_robots.py [--quick] [--write]
+
+Parts: master and parts in one process, in virtual time, joined by the in-process link; each part says something to the
+next once a second. A day: the same with three parts, for 24 hours of virtual time; memory is looked at every two hours.
+Pages: a real `msbot demo` with pages open in `bench/open_pages.py`, each number of them in several turns. Processor
+time is compared, not rates. `--write` puts the tables into bench/results/growth_of_robots.md and the curves into
+docs/explain/growth-robots.svg. Some 8 minutes; Linux.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import contextlib
+import json
+import logging
+import os
+import re
+import signal
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from random import Random
+
+from bench.crowd import PART_NUMBER, ROBOT, ring
+from bench.growth_curves import Curve, curves
+from bench.machine import describe_machine
+from bench.many_parts import cpu_s
+from bench.result import write_result
+from bench.scale import memory_mb
+from msbot import HelloWorld
+from msbot.config import load_library
+from msbot.master import Master
+from msbot.part import JoinState, Part
+from msbot.process.virtual_time import run_virtual
+from msbot.registry import open_registry
+from msbot_agent.link import InprocHub
+from msbot_agent.process.user_folders import PACKAGES
+
+PICTURE = Path(__file__).parent.parent / "docs/explain/growth-robots.svg"
+PARTS = (10, 30, 100, 300, 1000)
+MESSAGES = 30_000
+"""Of all parts together, for each row."""
+TURNS = 3
+"""Processes for each number of parts, one after the other."""
+DAY_S, LOOK_S = 24 * 3600.0, 2 * 3600.0
+WARM_LOOKS = 2
+"""Looks at a day's memory after which it should be flat: what is kept for minutes and hours is full."""
+DAYS_PARTS = 3
+PAGES = (1, 3, 10, 30)
+PAGE_TURNS, TURN_S, SETTLED_S = 3, 10.0, 4.0
+READY_S = 120.0
+
+
+def main() -> None:
+    """Print the tables."""
+    options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    options.add_argument("--quick", action="store_true", help="fewer rows, one turn, an hour in place of a day")
+    options.add_argument("--write", action="store_true", help="keep tables in bench/results, curves in docs/explain")
+    options.add_argument("--be-crowd", type=int, help=argparse.SUPPRESS)
+    options.add_argument("--be-day", type=float, help=argparse.SUPPRESS)
+    chosen = options.parse_args()
+    if chosen.be_crowd:
+        print(json.dumps(run_virtual(be_crowd(chosen.be_crowd, MESSAGES / chosen.be_crowd, 1))))
+        return
+    if chosen.be_day:
+        print(json.dumps(run_virtual(be_crowd(DAYS_PARTS, chosen.be_day, round(chosen.be_day / LOOK_S) or 4))))
+        return
+    drawn: list[Curve] = []
+    lines = [f"{describe_machine()}; load {os.getloadavg()[0]:.1f}"]
+    print(lines[0], flush=True)
+    for made in (
+        parts(drawn, PARTS[::2] if chosen.quick else PARTS, 1 if chosen.quick else TURNS),
+        day(3600.0 if chosen.quick else DAY_S),
+        pages(drawn, PAGES[::3] if chosen.quick else PAGES, 1 if chosen.quick else PAGE_TURNS),
+    ):
+        print("\n".join(["", *made]), flush=True)
+        lines += ["", *made]
+    if chosen.write:
+        PICTURE.write_text(curves(drawn, "parts, and of pages"))
+        write_result(
+            "growth_of_robots",
+            "Growth of a robot: parts, pages, days",
+            lines,
+            made_by="python bench/growth_of_robots.py --write",
+        )
+
+
+# Parts of one robot, and a day.
+
+
+async def be_crowd(size: int, seconds: float, looks: int) -> dict[str, object]:
+    """So many parts in this process, each saying something to the next once a second; what it costs."""
+    for package in PACKAGES:
+        logging.getLogger(package).setLevel(logging.CRITICAL)
+    random, heard, hub = Random(1), [0], InprocHub()
+    with tempfile.TemporaryDirectory() as name, open_registry(Path(name) / "robot.db", epoch_ns=lambda: 0) as registry:
+        blueprint = ring(Path(name), size)
+        store = registry.runs.begin(registry.robots.apply_blueprint(blueprint, load_library()))
+        master = Master(blueprint, store, random=random, epoch_ns=lambda: 0)
+        master.add_link(hub.server)
+        tasks = [asyncio.ensure_future(master.run())]
+        await master.ready.wait()
+        before_mb = memory_mb(os.getpid())
+        crowd = [_part(slot.name, random, heard) for slot in blueprint.slots]
+        tasks += [asyncio.ensure_future(part.run_async(hub.connect(), epoch_ns=lambda: 0)) for part in crowd]
+        ends_at = asyncio.get_running_loop().time() + READY_S
+        while any(part.state is not JoinState.ACTIVE for part in crowd):
+            if asyncio.get_running_loop().time() > ends_at:
+                raise SystemExit(f"not all of {size} parts became active")
+            await asyncio.sleep(0.1)
+        await asyncio.sleep(5.0)
+        heard[0], used_s, memory = 0, time.process_time(), [memory_mb(os.getpid())]
+        for _ in range(looks):
+            await asyncio.sleep(seconds / looks)
+            memory.append(memory_mb(os.getpid()))
+        used_s = time.process_time() - used_s
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+    return {
+        "heard": heard[0],
+        "expected": size * seconds,
+        "cpu_us": used_s / heard[0] * 1e6,
+        "part_kb": (memory[0] - before_mb) * 1024 / size,
+        "memory_mb": memory,
+    }
+
+
+def _part(name: str, random: Random, heard: list[int]) -> Part:
+    part = Part(
+        PART_NUMBER,
+        local_name=name,
+        robot=ROBOT,
+        uid=random.randbytes(8),
+        random=Random(random.getrandbits(64)),
+    )
+    count = 0
+
+    @part.every(1.0)
+    def speak() -> None:
+        nonlocal count
+        count += 1
+        part.publish("out", HelloWorld(index=count, message=name))
+
+    @part.on("in", HelloWorld)
+    def hear(_message: HelloWorld) -> None:
+        heard[0] += 1
+
+    return part
+
+
+def _in_a_process(*words: str) -> dict[str, float]:
+    command = [sys.executable, str(Path(__file__).resolve()), *words]
+    done = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True)
+    found: dict[str, float] = json.loads(done.stdout.splitlines()[-1])
+    return found
+
+
+def parts(drawn: list[Curve], numbers: tuple[int, ...], turns: int) -> list[str]:
+    """More and more parts; the same number of messages in each row."""
+    lines = [
+        "| parts of one robot, a message a second each | CPU µs a message, beats and both ends included "
+        "| memory of a part and its session | arrived |",
+        "|---|---|---|---|",
+    ]
+    rounds: list[dict[int, dict[str, float]]] = []
+    for turn in range(turns):
+        order = numbers[:: -1 if turn % 2 else 1]
+        rounds.append({number: _in_a_process("--be-crowd", str(number)) for number in order})
+    # Of each turn its ratio to the mean of its round counts: how busy the machine is falls on all rows.
+    usual = statistics.median(statistics.mean(one["cpu_us"] for one in found.values()) for found in rounds)
+    costs = {}
+    for number in numbers:
+        shares = [
+            usual * found[number]["cpu_us"] / statistics.mean(one["cpu_us"] for one in found.values())
+            for found in rounds
+        ]
+        costs[number] = statistics.median(shares)
+        middle = {name: statistics.median(found[number][name] for found in rounds) for name in ("part_kb", "heard")}
+        arrived = middle["heard"] / rounds[0][number]["expected"]
+        lines.append(f"| {number:,} | {costs[number]:.0f} | {middle['part_kb']:.0f} kB | {arrived:.0%} |")
+    least, most = min(costs.values()), max(costs.values())
+    drawn.append(Curve("parts: CPU of a message, µs", list(costs.items())))
+    drawn.append(
+        Curve(
+            "parts: memory of each, kB",
+            [(number, statistics.median(found[number]["part_kb"] for found in rounds)) for number in numbers],
+        )
+    )
+    return [*lines, "", f"Median of {turns}. The dearest message costs {most / least - 1:.0%} more than the cheapest."]
+
+
+def day(seconds: float) -> list[str]:
+    """A robot that runs for a day."""
+    found = _in_a_process("--be-day", str(seconds))
+    memory = found["memory_mb"]
+    assert isinstance(memory, list)
+    seen = " / ".join(f"{one:.1f}" for one in memory)
+    after = memory[min(WARM_LOOKS, len(memory) - 2) :]
+    return [
+        f"{DAYS_PARTS} parts for {seconds / 3600:g} h of virtual time, {found['heard']:,.0f} messages: memory in MB, "
+        f"{len(memory)} times, {seen}. From look {len(memory) - len(after) + 1} on it changes by "
+        f"{after[-1] - after[0]:+.1f} MB.",
+    ]
+
+
+# Pages.
+
+
+@contextlib.contextmanager
+def _demo(folder: Path) -> Iterator[tuple[int, str]]:
+    """A demo; its process and the link that signs in."""
+    log = folder / "log"
+    command = [sys.executable, "-m", "msbot", "demo", "--port", "0"]
+    home = {**os.environ, "HOME": str(folder), "XDG_RUNTIME_DIR": str(folder)}
+    folder.chmod(0o700)
+    with log.open("w") as out:
+        demo = subprocess.Popen(
+            command, cwd=folder, env=home, stdin=subprocess.PIPE, stdout=out, stderr=subprocess.STDOUT
+        )
+    try:
+        ends_at = time.monotonic() + READY_S
+        while (link := re.search(r"http://\S+/enter\?token=\S+", log.read_text())) is None:
+            if time.monotonic() > ends_at or demo.poll() is not None:
+                raise SystemExit(f"the demo does not come up:\n{log.read_text()}")
+            time.sleep(0.1)
+        yield demo.pid, link[0]
+    finally:
+        demo.send_signal(signal.SIGTERM)
+        demo.wait(30)
+
+
+@contextlib.contextmanager
+def _opened(link: str, number: int) -> Iterator[None]:
+    script = Path(__file__).with_name("open_pages.py")
+    command = [sys.executable, str(script), link, "--pages", str(number), "--seconds", "3600"]
+    with subprocess.Popen(command, stdout=subprocess.DEVNULL) as browsers:
+        try:
+            time.sleep(SETTLED_S + 0.3 * number)
+            yield
+        finally:
+            browsers.terminate()
+            browsers.wait()
+
+
+def _used(pid: int) -> float:
+    before, began = cpu_s(pid), time.monotonic()
+    time.sleep(TURN_S)
+    return (cpu_s(pid) - before) / (time.monotonic() - began)
+
+
+def pages(drawn: list[Curve], numbers: tuple[int, ...], turns: int) -> list[str]:
+    """A demo of ten parts, with nobody looking and with pages open."""
+    alone, open_share = [], {number: list[float]() for number in numbers}
+    with tempfile.TemporaryDirectory() as name, _demo(Path(name)) as (pid, link):
+        time.sleep(SETTLED_S)
+        for _ in range(turns):
+            for number in numbers:
+                alone.append(_used(pid))
+                with _opened(link, number):
+                    open_share[number].append(_used(pid) - alone[-1])
+        memory = memory_mb(pid)
+    first = statistics.median(open_share[numbers[0]])
+    lines = [
+        "| open pages of a demo of ten parts | more of a core than with nobody looking | for each further page |",
+        "|---|---|---|",
+    ]
+    for number in numbers:
+        share = statistics.median(open_share[number])
+        further = f"{100 * (share - first) / (number - numbers[0]):.3f} %" if number > numbers[0] else ""
+        lines.append(f"| {number} | {100 * share:.2f} % | {further} |")
+    drawn.append(
+        Curve(
+            "pages: share of a core, %", [(number, 100 * statistics.median(open_share[number])) for number in numbers]
+        )
+    )
+    nobody = 100 * statistics.median(alone)
+    return [*lines, "", f"With nobody looking: {nobody:.1f} % of a core, {memory:.0f} MB afterwards."]
+
+
+if __name__ == "__main__":
+    main()
