@@ -38,7 +38,7 @@ def show_banner(page: Page, banner: ui.column) -> None:
                         with ui.element("div").classes("ms-banner warn").props("role=alert"):
                             ui.label(page.translate(words))
         if robot.stop.stopped and stop_words:
-            set_html(stop_words[-1], stop_html(page, robot.stop))
+            set_html(stop_words[-1], _shared_stop_html(page, robot.stop))
             seen[0] = robot.stop.number
 
     async def go_on() -> None:
@@ -47,6 +47,18 @@ def show_banner(page: Page, banner: ui.column) -> None:
     seen = [0]
     stop_words: list[ui.html] = []
     page.every_look(show)
+
+
+_shared: dict[tuple[str, bool], tuple[StopState, Markup]] = {}
+"""By language and what a person may read: it is the same on all their pages, and long in a class."""
+
+
+def _shared_stop_html(page: Page, stop: StopState) -> Markup:
+    reader = (page.language.code, page.may(Right.ARRANGE))
+    known = _shared.get(reader)
+    if known is None or known[0] is not stop:
+        known = _shared[reader] = (stop, stop_html(page, stop))
+    return known[1]
 
 
 def stop_html(page: Page, stop: StopState) -> Markup:
