@@ -20,6 +20,7 @@ import json
 import logging
 import zlib
 from collections.abc import Callable, Hashable, Iterable, Mapping
+from itertools import islice
 from typing import Final, Protocol
 
 from starlette.routing import WebSocketRoute
@@ -40,8 +41,10 @@ LATE_S: Final = 0.05
 """The event loop is late when it goes on so much later than asked for."""
 SHARE: Final = 0.05
 """Pages take at most this part of the time."""
-TURN_S: Final = 0.005
-"""Pages are refreshed, and changes are written, for so long until everything else has its turn."""
+PAGES_IN_TURN: Final = 10
+PIECES_IN_TURN: Final = 20
+"""Pages that are refreshed, and pieces that are written down, until everything else has its turn. Numbers, not a time:
+a process that the system lets wait would do one in each turn."""
 ALIVE_S: Final = 0.9
 """A browser hears at least so often that the robot is there, rounded up to a look."""
 ALIVE: Final = "."
@@ -132,13 +135,8 @@ class LiveView:
         """Those that are written down, and not sent."""
         self._whole: News | None = None
 
-    def look(self, time: Callable[[], float]) -> bool:
-        """Find out what has changed; True: not all of it is written down yet, the next call goes on.
-
-        Args:
-            time: the clock that tells how long it has taken.
-        """
-        ends_at = time() + TURN_S
+    def look(self) -> bool:
+        """Find out what has changed; True: not all of it is written down yet, the next call goes on."""
         if not self._left:
             marks = self._marks()
             shown = self._shown
@@ -149,14 +147,13 @@ class LiveView:
             self._written = [name for name in self._written if name in shown]  # should the last look have failed
             if not self._left and not gone and not self._written:
                 return False
-        while self._left:
-            name = next(iter(self._left))
+        for name in list(islice(self._left, PIECES_IN_TURN)):
             mark = self._left.pop(name)
             self._pieces[name] = json.dumps(self._piece(name))
             self._shown[name] = mark
             self._written.append(name)
-            if self._left and time() >= ends_at:
-                return True
+        if self._left:
+            return True
         self.number += 1
         self.changes, self._written, self._whole = self._text(self._written), [], None
         return False
@@ -292,7 +289,7 @@ class LiveChannel:
         view = self._views.get(key)
         if view is None:
             view = self._views[key] = make()
-            if view.look(asyncio.get_running_loop().time):
+            if view.look():
                 self.nudge()
         if viewer.view is not view:
             self._show(viewer, view)
@@ -353,11 +350,13 @@ class LiveChannel:
         self.looks += 1
         self.is_looking = True
         try:
+            refreshed = 0
             for number in list(self._viewers):
-                if self._refresh(number) and time() - began >= TURN_S:
+                refreshed += self._refresh(number)
+                if refreshed == PAGES_IN_TURN:
                     self._busy_s += time() - began
                     await asyncio.sleep(0)  # STOP, and parts, wait for a few pages, not for thirty
-                    began = time()
+                    refreshed, began = 0, time()
             self._busy_s += time() - began
             self._look()
         finally:
@@ -386,7 +385,7 @@ class LiveChannel:
         for view in self._views.values():
             if id(view) in wanted and (view.is_quick or not only_quick):
                 try:
-                    is_more = view.look(time) or is_more
+                    is_more = view.look() or is_more
                 except MsbotError as error:
                     _log.warning("what pages show of %s stays as it was: %s", view.name, error)
                 except Exception:  # what others look at goes on
@@ -409,7 +408,7 @@ class LiveChannel:
             line.end(OVER)
             return
         news: News | None = None
-        if view is not None and viewer.seen != view.number and (view.is_quick or not only_quick):
+        if view is not None and viewer.seen != view.number > 0 and (view.is_quick or not only_quick):
             news = view.changes if viewer.seen == view.number - 1 else view.whole()
             viewer.seen = view.number
         elif now - viewer.heard_at >= ALIVE_S:
