@@ -67,15 +67,16 @@ def live_cards(page: _LivePageReader) -> tuple[Hashable, Callable[[], LiveView]]
     def make() -> LiveView:
         readers = _Readers(service, language, sees_all=sees_all)
         cards: dict[str, SlotCard] = {}
+        seen = [service.robot()]
 
         def marks() -> Mapping[str, Hashable]:
-            robot = service.robot()
+            robot = seen[0] = service.robot()
             cards.clear()
             cards.update({card.name: card for card in robot.slots})
             return looks_of(robot)
 
         def piece(name: str) -> object:
-            return card_piece(readers, name, cards[name.removeprefix(RING)], service.robot())
+            return card_piece(readers, name, cards[name.removeprefix(RING)], seen[0])
 
         return LiveView("cards", marks, piece)
 
