@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from msbot.process.virtual_time import run_virtual
 from msbot_agent.link import InprocEnd, InprocHub, Link, Peer, Signal, inproc_pair
-from msbot_agent.link.in_process import MOST_IN_TURN, QUEUE_PACKETS, SERVER
+from msbot_agent.link.in_process import QUEUE_PACKETS, SERVER
 from msbot_xrce.errors import LinkDown, LinkFull
 from tests.effort import tries
 
@@ -196,21 +196,3 @@ def test_order_is_kept_whatever_the_handlers_answer(steps: list[tuple[int, bool]
     with_open_ends([hub.server, *clients], body)
     assert heard == sent
     assert back == sent
-
-
-def test_a_crowd_leaves_room_for_others_in_each_turn_and_loses_nothing() -> None:
-    hub = InprocHub()
-    clients = [hub.connect() for _ in range(3 * MOST_IN_TURN)]
-    seen = Seen(hub.server)
-    turns: list[int] = []
-
-    async def body() -> None:
-        for client in clients:
-            client.send(client.number.to_bytes(2, "big"), SERVER)
-        for _ in range(5):
-            await asyncio.sleep(0)
-            turns.append(len(seen.packets))
-
-    with_open_ends([hub.server, *clients], body)
-    assert turns[:3] == [MOST_IN_TURN, 2 * MOST_IN_TURN, 3 * MOST_IN_TURN]
-    assert [peer for _, peer in seen.packets] == [client.number for client in clients]

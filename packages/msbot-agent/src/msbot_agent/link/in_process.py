@@ -1,8 +1,7 @@
 """A link inside one process: the master's own parts reach the agent through it.
 
 Packets are handed over in the next turn of the event loop, in order, through bounded queues. Any number of client
-ends attach to one server end. When there is much to hand over, the rest waits for the turns that follow: a hundred
-simulated parts that hear STOP do not keep a real one from hearing it. It works in virtual time.
+ends attach to one server end. It works in virtual time.
 """
 
 from __future__ import annotations
@@ -18,9 +17,6 @@ INPROC_MTU = 65535
 QUEUE_PACKETS = 256
 """Packets that may wait from one end to another; beyond, `send` raises LinkFull."""
 
-MOST_IN_TURN = 40
-"""Ends that hand over what they have until everything else has its turn."""
-
 SERVER = 0
 """The server as its clients see it; the server sees them as 1, 2, 3, ..."""
 
@@ -31,8 +27,6 @@ class InprocHub:
     def __init__(self) -> None:
         self._open: dict[Peer, InprocEnd] = {}
         self._clients = 0
-        self._due: deque[tuple[InprocEnd, Peer]] = deque()
-        """Ends that have packets for a peer."""
         self.server = InprocEnd(self, SERVER)
         """The end that all clients speak to."""
 
@@ -54,23 +48,6 @@ class InprocHub:
     def partner(self, end: InprocEnd, peer: Peer) -> InprocEnd | None:
         """The running end that `end` knows as `peer`; clients only see the server."""
         return self._open.get(peer) if SERVER in (end.number, peer) and end.number != peer else None
-
-    def hand_over_soon(self, end: InprocEnd, peer: Peer, loop: asyncio.AbstractEventLoop) -> None:
-        """Have an end hand over its packets for a peer in the next turn of the loop."""
-        if not self._due:
-            loop.call_soon(self._hand_over, loop)
-        self._due.append((end, peer))
-
-    def _hand_over(self, loop: asyncio.AbstractEventLoop) -> None:
-        # What is sent by those who get packets belongs to the next turn.
-        due = self._due
-        try:
-            for _ in range(min(len(due), MOST_IN_TURN)):
-                end, peer = due.popleft()
-                end.deliver(peer)
-        finally:
-            if due:
-                loop.call_soon(self._hand_over, loop)
 
     def _tell_partners(self, end: InprocEnd, signal: Signal, words: str) -> None:
         for number in list(self._open):
@@ -112,7 +89,7 @@ class InprocEnd(BaseLink):
         if len(queue) >= QUEUE_PACKETS:
             raise LinkFull(f"{QUEUE_PACKETS} packets wait for {self.describe(peer)}")
         if not queue:
-            self._hub.hand_over_soon(self, peer, self._loop)
+            self._loop.call_soon(self._deliver, peer)
         queue.append(packet)
         self._sent(packet, peer, self._loop.time())
 
@@ -143,8 +120,7 @@ class InprocEnd(BaseLink):
         if self._loop is not None:
             self._received(packet, peer, self._loop.time())
 
-    def deliver(self, peer: Peer) -> None:
-        """Hand over what waits for a peer; for the hub."""
+    def _deliver(self, peer: Peer) -> None:
         # All taken out at once: packets that the handlers send in the meantime belong to the next turn.
         queue = self._queues.pop(peer, None)
         partner = self._hub.partner(self, peer)
