@@ -83,7 +83,7 @@ def main() -> None:
         print("\n".join(["", *made]), flush=True)
         lines += ["", *made]
     if chosen.write:
-        PICTURE.write_text(curves(drawn, "parts, and of pages"))
+        PICTURE.write_text(curves(drawn, "parts or pages"))
         write_result(
             "growth_of_robots",
             "Growth of a robot: parts, pages, days",
