@@ -9,7 +9,7 @@ from uuid import uuid4
 import pytest
 
 from msbot_bridges.bridge import BridgeLink
-from msbot_bridges.canopen.lss import LAST, LssAddress, LssFailure, NodeIds, Numbered, number_one
+from msbot_bridges.canopen.lss import LAST, LssAddress, LssFailure, LssNodeIds, Numbered, number_one
 from msbot_bridges.canopen.world import WORLD
 from msbot_xrce.errors import ConfigError
 from tests.bridges.hosts import Reports, in_thread, running
@@ -25,7 +25,7 @@ from msbot_bridges.canopen.simulated.lss_slave import LssSlave, UnnumberedDevice
 ONE, OTHER = LssAddress(0x4D53, 0x402, 0x10000, 7), LssAddress(0x4D53, 0x402, 0x10000, 0xFFFFFFFF)
 
 
-def ask(slaves: Sequence[LssSlave], ids: NodeIds, taken: Sequence[int] = ()) -> tuple[Numbered | None, int]:
+def ask(slaves: Sequence[LssSlave], ids: LssNodeIds, taken: Sequence[int] = ()) -> tuple[Numbered | None, int]:
     """Let a master number one of these devices; what comes of it, and how many questions that took."""
     questions, asked = number_one(ids, taken), 1
     question = next(questions)
@@ -39,7 +39,7 @@ def ask(slaves: Sequence[LssSlave], ids: NodeIds, taken: Sequence[int] = ()) -> 
 
 
 def test_of_several_devices_without_ids_each_gets_one() -> None:
-    slaves, ids = [LssSlave(OTHER), LssSlave(ONE), LssSlave(LssAddress(0, 0, 0, 0))], NodeIds()
+    slaves, ids = [LssSlave(OTHER), LssSlave(ONE), LssSlave(LssAddress(0, 0, 0, 0))], LssNodeIds()
     numbered = [ask(slaves, ids, [126])[0] for _ in slaves]
     assert numbered == [
         Numbered(LssAddress(0, 0, 0, 0), 125, is_kept=True),
@@ -54,7 +54,7 @@ def test_of_several_devices_without_ids_each_gets_one() -> None:
 def test_a_device_that_has_not_kept_its_id_gets_it_again_and_one_that_is_gone_is_forgotten_when_ids_are_needed() -> (
     None
 ):
-    ids = NodeIds()
+    ids = LssNodeIds()
     assert ids.choose(ONE, []) == LAST
     assert ids.choose(OTHER, [LAST]) == LAST - 1
     assert ids.choose(ONE, []) == LAST
@@ -87,7 +87,7 @@ class Vanishing(LssSlave):
 )
 def test_a_device_that_does_not_take_its_id_is_told_and_left(slave: LssSlave, words: str) -> None:
     with pytest.raises(LssFailure, match=words):
-        ask([slave], NodeIds())
+        ask([slave], LssNodeIds())
 
 
 async def test_the_simulated_device_is_found_and_configured_by_the_genuine_master() -> None:

@@ -16,7 +16,7 @@ from msbot_bridges.canopen.canopen_bus import EMERGENCY, HEARTBEAT, CanopenBus
 from msbot_bridges.canopen.canopen_device import GUARD_MS, CanopenDevice
 from msbot_bridges.canopen.drive_device import DriveDevice
 from msbot_bridges.canopen.eds_folder import EdsFolder
-from msbot_bridges.canopen.lss import ANSWER_ID, ANSWER_S, SETTLE_S, LssFailure, NodeIds, Numbered, number_one
+from msbot_bridges.canopen.lss import ANSWER_ID, ANSWER_S, SETTLE_S, LssFailure, LssNodeIds, Numbered, number_one
 from msbot_bridges.canopen.mapped_device import MappedDevice
 from msbot_bridges.canopen.node_description import NodeDescription
 
@@ -72,7 +72,7 @@ class CanopenWorld(World):
     def __init__(self, address: str, folder: EdsFolder, *, gives_ids: bool = True) -> None:
         self._address, self._folder, self._gives_ids = address, folder, gives_ids
         self._nodes: dict[int, _Node] = {}
-        self._ids = NodeIds()
+        self._ids = LssNodeIds()
         self._lss_answers = asyncio.Queue[bytes](MOST_ANSWERS)
         self._lss_trouble = ""
 

@@ -52,7 +52,7 @@ class LssFailure(MsbotError):
     """A device has not done what it was told; the text says what."""
 
 
-class Question(NamedTuple):
+class LssQuestion(NamedTuple):
     """What is asked next."""
 
     data: bytes
@@ -60,10 +60,10 @@ class Question(NamedTuple):
     """Devices answer this, or do not when it is not about them."""
 
 
-Questions = Generator[Question, bytes | None, Numbered | None]
+Questions = Generator[LssQuestion, bytes | None, Numbered | None]
 
 
-class NodeIds:
+class LssNodeIds:
     """Which device has which node id; forgets devices that are gone when it needs their ids."""
 
     def __init__(self) -> None:
@@ -95,7 +95,7 @@ class NodeIds:
         return had
 
 
-def number_one(ids: NodeIds, taken: Collection[int]) -> Questions:
+def number_one(ids: LssNodeIds, taken: Collection[int]) -> Questions:
     """Find one device without a node id, and give it one; returns None when there is none.
 
     Raises:
@@ -114,20 +114,20 @@ def number_one(ids: NodeIds, taken: Collection[int]) -> Questions:
     address = LssAddress(*parts)
     try:
         node_id = ids.choose(address, taken)
-        answer = yield Question(bytes([CONFIGURE_ID, node_id, 0, 0, 0, 0, 0, 0]))
+        answer = yield LssQuestion(bytes([CONFIGURE_ID, node_id, 0, 0, 0, 0, 0, 0]))
         if answer is None or answer[0] != CONFIGURE_ID or answer[1]:
             why = "does not answer" if answer is None else f"error {answer[1]}"
             raise LssFailure(f"a device ({address}) does not take the node id {node_id}: {why}")
-        answer = yield Question(bytes([STORE, 0, 0, 0, 0, 0, 0, 0]))
+        answer = yield LssQuestion(bytes([STORE, 0, 0, 0, 0, 0, 0, 0]))
     finally:
         yield _leave()
     return Numbered(address, node_id, answer is not None and answer[0] == STORE and not answer[1])
 
 
-def _scan(number: int, bit: int, place: int, following: int) -> Question:
-    return Question(bytes([FASTSCAN, *number.to_bytes(4, "little"), bit, place, following]))
+def _scan(number: int, bit: int, place: int, following: int) -> LssQuestion:
+    return LssQuestion(bytes([FASTSCAN, *number.to_bytes(4, "little"), bit, place, following]))
 
 
-def _leave() -> Question:
+def _leave() -> LssQuestion:
     """Those that are being configured are done: one with a node id starts with it."""
-    return Question(bytes([SWITCH_GLOBAL, _WAITING, 0, 0, 0, 0, 0, 0]), is_answered=False)
+    return LssQuestion(bytes([SWITCH_GLOBAL, _WAITING, 0, 0, 0, 0, 0, 0]), is_answered=False)
