@@ -7,10 +7,10 @@ import socket
 
 import pytest
 
-from msbot_bridges.mqtt.own_broker.broker_core import MOST_CLIENTS, BrokerCore, Client
+from msbot_bridges.mqtt.own_broker.broker_core import MOST_CLIENTS, BrokerClient, BrokerCore
 from msbot_bridges.mqtt.own_broker.packets import (
     LONGEST_PACKET,
-    Packet,
+    MqttPacket,
     PacketSplitter,
     PacketType,
     is_filter,
@@ -32,9 +32,9 @@ class Peer:
 
     def __init__(self, core: BrokerCore, first: bytes = CONNECT) -> None:
         self.core, self.splitter = core, PacketSplitter()
-        self.heard = list[Packet]()
+        self.heard = list[MqttPacket]()
         self.is_closed = False
-        self.client = Client(self._take, self._close, 0.0)
+        self.client = BrokerClient(self._take, self._close, 0.0)
         self.is_in = core.joined(self.client)
         if first and self.is_in:
             self.say(first)
@@ -49,7 +49,7 @@ class Peer:
         for packet in PacketSplitter().receive(octets):
             self.core.hear(self.client, packet, now)
 
-    def took(self) -> list[Packet]:
+    def took(self) -> list[MqttPacket]:
         taken, self.heard = self.heard, []
         return taken
 

@@ -14,7 +14,7 @@ from msbot_bridges.mqtt.own_broker.packets import (
     LEVEL,
     PINGRESP,
     Connect,
-    Packet,
+    MqttPacket,
     PacketType,
     Publication,
     answer,
@@ -47,7 +47,7 @@ _OTHER_LEVEL, _NO_ROOM = 1, 3
 
 
 @dataclass(eq=False, slots=True)
-class Client:
+class BrokerClient:
     """One connection.
 
     Args:
@@ -79,16 +79,16 @@ class BrokerCore:
     def __init__(self) -> None:
         self.dropped = 0
         """Messages that could not be retained."""
-        self._clients: list[Client] = []
-        self._by_id: dict[str, Client] = {}
+        self._clients: list[BrokerClient] = []
+        self._by_id: dict[str, BrokerClient] = {}
         self._retained: dict[str, Publication] = {}
 
     @property
-    def clients(self) -> tuple[Client, ...]:
+    def clients(self) -> tuple[BrokerClient, ...]:
         """Those that are connected."""
         return tuple(self._clients)
 
-    def joined(self, client: Client) -> bool:
+    def joined(self, client: BrokerClient) -> bool:
         """A connection has come; False: there is no room for it."""
         if len(self._clients) >= MOST_CLIENTS:
             client.send(connack(_NO_ROOM))
@@ -96,7 +96,7 @@ class BrokerCore:
         self._clients.append(client)
         return True
 
-    def left(self, client: Client) -> None:
+    def left(self, client: BrokerClient) -> None:
         """A connection is gone; unless its client has said goodbye, its will is done."""
         if client not in self._clients:
             return
@@ -109,7 +109,7 @@ class BrokerCore:
         if said.will is not None:
             self._publish(said.will)
 
-    def hear(self, client: Client, packet: Packet, now: float) -> None:
+    def hear(self, client: BrokerClient, packet: MqttPacket, now: float) -> None:
         """Take a packet.
 
         Raises:
@@ -145,7 +145,7 @@ class BrokerCore:
             case _:
                 raise RemoteProtocolError(f"a packet of type {packet.type}, which no client sends then")
 
-    def silent(self, now: float) -> list[Client]:
+    def silent(self, now: float) -> list[BrokerClient]:
         """Clients that have said nothing for one and a half of their keep-alive, section 3.1.2.10."""
         return [one for one in self._clients if (until := one.quiet_until()) is not None and now >= until]
 
@@ -153,7 +153,7 @@ class BrokerCore:
         """When `silent` may have somebody."""
         return min((until for one in self._clients if (until := one.quiet_until()) is not None), default=None)
 
-    def _connect(self, client: Client, said: Connect) -> None:
+    def _connect(self, client: BrokerClient, said: Connect) -> None:
         if said.level != LEVEL:
             client.send(connack(_OTHER_LEVEL))
             raise RemoteProtocolError(f"protocol level {said.level}; here is MQTT 3.1.1")
@@ -166,7 +166,7 @@ class BrokerCore:
                 self.left(other)
         client.send(connack(0))
 
-    def _take(self, client: Client, publication: Publication) -> None:
+    def _take(self, client: BrokerClient, publication: Publication) -> None:
         if publication.qos == 2:
             is_new = publication.packet_id not in client.unreleased
             if is_new and len(client.unreleased) >= MOST_UNRELEASED:
@@ -193,7 +193,7 @@ class BrokerCore:
             if granted:
                 self._deliver(client, publication, max(granted), is_old=False)
 
-    def _deliver(self, client: Client, publication: Publication, granted: int, *, is_old: bool) -> None:
+    def _deliver(self, client: BrokerClient, publication: Publication, granted: int, *, is_old: bool) -> None:
         qos = min(publication.qos, granted)
         if qos:
             client.number = client.number % 0xFFFF + 1
@@ -201,7 +201,7 @@ class BrokerCore:
             publish(Publication(publication.topic, publication.payload, qos, is_old, client.number if qos else 0))
         )
 
-    def _subscribe(self, client: Client, packet_id: int, wanted: list[tuple[str, int]]) -> None:
+    def _subscribe(self, client: BrokerClient, packet_id: int, wanted: list[tuple[str, int]]) -> None:
         codes, taken = [], []
         for one, qos in wanted:
             has_room = one in client.filters or len(client.filters) < MOST_FILTERS

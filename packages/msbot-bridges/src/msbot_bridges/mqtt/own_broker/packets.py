@@ -34,7 +34,7 @@ class PacketType(IntEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Packet:
+class MqttPacket:
     """A packet as it came: its type, its four flags, and what follows the length."""
 
     type: int
@@ -76,7 +76,7 @@ class PacketSplitter:
         self._rest = bytearray()
         self._first = first
 
-    def receive(self, octets: bytes) -> list[Packet]:
+    def receive(self, octets: bytes) -> list[MqttPacket]:
         """The packets that are complete.
 
         Raises:
@@ -92,7 +92,7 @@ class PacketSplitter:
             found.append(packet)
         return found
 
-    def _next(self) -> Packet | None:
+    def _next(self) -> MqttPacket | None:
         length = shift = 0
         for at in range(1, 5):
             if at >= len(self._rest):
@@ -110,7 +110,7 @@ class PacketSplitter:
             return None
         head, body = self._rest[0], bytes(self._rest[at + 1 : end])
         del self._rest[:end]
-        return Packet(head >> 4, head & 0x0F, body)
+        return MqttPacket(head >> 4, head & 0x0F, body)
 
 
 class _Reader:
@@ -148,7 +148,7 @@ class _Reader:
         return self.octets(len(self._body) - self._at)
 
 
-def read_connect(packet: Packet) -> Connect:
+def read_connect(packet: MqttPacket) -> Connect:
     """Section 3.1. User and password are not looked at.
 
     Raises:
@@ -173,7 +173,7 @@ def read_connect(packet: Packet) -> Connect:
     return Connect(level, client_id, keep_alive, will, is_clean=bool(flags & 0x02))
 
 
-def read_publish(packet: Packet) -> Publication:
+def read_publish(packet: MqttPacket) -> Publication:
     """Section 3.3.
 
     Raises:
@@ -188,7 +188,7 @@ def read_publish(packet: Packet) -> Publication:
     return Publication(topic, reader.rest(), qos, bool(packet.flags & 1), packet_id)
 
 
-def read_packet_id(packet: Packet) -> int:
+def read_packet_id(packet: MqttPacket) -> int:
     """PUBACK, PUBREL and others that have nothing else.
 
     Raises:
@@ -197,7 +197,7 @@ def read_packet_id(packet: Packet) -> int:
     return _packet_id(_Reader(packet.body))
 
 
-def read_subscribe(packet: Packet) -> tuple[int, list[tuple[str, int]]]:
+def read_subscribe(packet: MqttPacket) -> tuple[int, list[tuple[str, int]]]:
     """Section 3.8: the number of the packet, and filters with the QoS that is wanted.
 
     Raises:
@@ -210,7 +210,7 @@ def read_subscribe(packet: Packet) -> tuple[int, list[tuple[str, int]]]:
     return packet_id, wanted
 
 
-def read_unsubscribe(packet: Packet) -> tuple[int, list[str]]:
+def read_unsubscribe(packet: MqttPacket) -> tuple[int, list[str]]:
     """Section 3.10: the number of the packet, and filters.
 
     Raises:

@@ -11,7 +11,7 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from typing import cast
 
-from msbot_bridges.mqtt.own_broker.broker_core import BrokerCore, Client
+from msbot_bridges.mqtt.own_broker.broker_core import BrokerClient, BrokerCore
 from msbot_bridges.mqtt.own_broker.packets import PacketSplitter, PacketType
 from msbot_xrce.errors import LinkDown, RemoteProtocolError
 
@@ -33,7 +33,7 @@ class _Connection(asyncio.Protocol):
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         self._transport = cast("asyncio.Transport", transport)
         now = asyncio.get_running_loop().time()
-        self.client = Client(self._send, self._transport.close, now)
+        self.client = BrokerClient(self._send, self._transport.close, now)
         self._is_known = self._server.core.joined(self.client)
         if not self._is_known:
             self._transport.close()
