@@ -1,11 +1,16 @@
-"""The agent under load over UDP on this machine: the loads of a C generator, beside the genuine agent's figures.
+"""The agent under load over UDP on this machine: the loads of a C generator, alone or beside another agent.
 
-    python bench/agent.py [--quick] [--write] [--against CHECKOUT [--pairs N] [--load NAME]]
+    python bench/agent.py [--quick] [--pairs N] [--load NAME] [--write]
+        [--genuine PROGRAM [--python PROGRAM] | --against CHECKOUT]
 
-Needs gcc for the generator (`xrce_load.c`). Agent and generator get a core each. `--write` keeps the table in
-bench/results/agent.md. `--against` runs the agent of another checkout and this one in turn, a second each, and
-prints both: what a computer can do changes from day to day, what one version does beside another does not. With
-`--load` and `--write` the rows of these loads replace those in bench/results/agent_versions.md.
+Needs gcc for the generator (`xrce_load.c`). Agent and generator get a core each.
+
+Two agents run in turn, a second each: what a computer can do changes from minute to minute, what one agent does beside
+another does not. `--genuine` runs eProsima's `MicroXRCEAgent` (built elsewhere, with its middleware in memory) and
+this agent; `--against` the agent of another checkout and this one. `--python` runs ours with another Python.
+
+`--write` keeps the table in bench/results: `agent.md` beside the genuine agent, `agent_versions.md` with `--against`.
+With `--load`, the rows of these loads replace those in the file.
 """
 
 from __future__ import annotations
@@ -36,108 +41,151 @@ CPU_KEY = "agent_cpu_us_per_msg"
 
 @dataclass(frozen=True)
 class Load:
-    """One load and what the genuine agent (C++ 2.4.2, in-memory middleware) did with it on a like machine."""
+    """One load, and the names of its rate and its latency in the generator's answer."""
 
     name: str
     arguments: str
     rate_key: str
     latency_key: str
-    peer_rate: float | None
-    peer_cpu_us: float | None
 
 
 LOADS = (
-    Load("best effort 1 -> 1, in flight 1", "pubsub_be --inflight 1", "msgs_per_s", "lat", 12_955, 44),
-    Load("best effort 1 -> 1, in flight 8", "pubsub_be --inflight 8", "msgs_per_s", "lat", 83_132, 11.8),
-    Load("best effort 1 -> 4, in flight 8", "pubsub_be --subs 4 --inflight 8", "msgs_per_s", "lat", 129_004, 7.7),
-    Load("best effort, 20,000/s", "pubsub_be --rate 20000", "msgs_per_s", "lat", 19_932, 32),
-    Load("reliable, in flight 1", "pubsub_rel --inflight 1", "msgs_per_s", "lat", 11_890, 53),
-    Load("reliable, in flight 16", "pubsub_rel --inflight 16", "msgs_per_s", "lat", 64_272, 15),
+    Load("best effort 1 -> 1, in flight 1", "pubsub_be --inflight 1", "msgs_per_s", "lat"),
+    Load("best effort 1 -> 1, in flight 8", "pubsub_be --inflight 8", "msgs_per_s", "lat"),
+    Load("best effort 1 -> 4, in flight 8", "pubsub_be --subs 4 --inflight 8", "msgs_per_s", "lat"),
+    Load("best effort, 20,000/s", "pubsub_be --rate 20000", "msgs_per_s", "lat"),
+    Load("reliable, in flight 1", "pubsub_rel --inflight 1", "msgs_per_s", "lat"),
+    Load("reliable, in flight 16", "pubsub_rel --inflight 16", "msgs_per_s", "lat"),
+    Load("reliable 4 -> 4, in flight 4", "pubsub_rel --pubs 4 --subs 4 --inflight 4", "msgs_per_s", "lat"),
+    Load("reliable, 1 % loss", "loss --loss 1", "msgs_per_s", "lat"),
+    Load("reliable, 5 % loss", "loss --loss 5", "msgs_per_s", "lat"),
+    Load("reliable, 20 % loss", "loss --loss 20", "msgs_per_s", "lat"),
+    Load("request/reply over topics, 1 open", "reqrep --rr topics --inflight 1", "roundtrips_per_s", "rtt"),
+    Load("request/reply over topics, 16 open", "reqrep --rr topics --inflight 16", "roundtrips_per_s", "rtt"),
+    Load("request/reply native, 1 open", "reqrep --inflight 1", "roundtrips_per_s", "rtt"),
+    Load("request/reply native, 16 open", "reqrep --inflight 16", "roundtrips_per_s", "rtt"),
+    Load("sessions up and down, 1 at a time", "sessions --clients 1", "sessions_per_s", "up"),
+    Load("sessions up and down, 16 at a time", "sessions --clients 16", "sessions_per_s", "up"),
+    Load("1000 clients, 1 request/s each", "idle_heartbeat --clients 1000 --rate 1", "roundtrips_per_s", "rtt"),
     Load(
-        "reliable 4 -> 4, in flight 4", "pubsub_rel --pubs 4 --subs 4 --inflight 4", "msgs_per_s", "lat", 104_867, 9.5
-    ),
-    Load("reliable, 1 % loss", "loss --loss 1", "msgs_per_s", "lat", 33_195, 19),
-    Load("reliable, 5 % loss", "loss --loss 5", "msgs_per_s", "lat", 2_624, 21),
-    Load("reliable, 20 % loss", "loss --loss 20", "msgs_per_s", "lat", 190, 43),
-    Load("request/reply over topics, 1 open", "reqrep --rr topics --inflight 1", "roundtrips_per_s", "rtt", 6_035, 107),
-    Load(
-        "request/reply over topics, 16 open", "reqrep --rr topics --inflight 16", "roundtrips_per_s", "rtt", 28_414, 35
-    ),
-    Load("request/reply native, 16 open", "reqrep --inflight 16", "roundtrips_per_s", "rtt", None, None),
-    Load("sessions up and down, 1 at a time", "sessions --clients 1", "sessions_per_s", "up", 3_797, 200),
-    Load("sessions up and down, 16 at a time", "sessions --clients 16", "sessions_per_s", "up", 13_031, 83),
-    Load(
-        "1000 clients, 1 request/s each", "idle_heartbeat --clients 1000 --rate 1", "roundtrips_per_s", "rtt", None, 284
+        "1000 clients, 1 request/s each, over topics",
+        "idle_heartbeat --clients 1000 --rate 1 --rr topics",
+        "roundtrips_per_s",
+        "rtt",
     ),
 )
-PROBLEMS = ("lost", "missing", "duplicates", "dup_or_late", "out_of_order", "failed")
+PROBLEMS = ("lost", "missing", "duplicates", "dup_or_late", "out_of_order", "failed", "refused")
+
+
+@dataclass(frozen=True)
+class Contender:
+    """An agent that can be started: its command, with {port} in it, and where its Python modules are."""
+
+    command: tuple[str, ...]
+    path: str = ""
+
+    def start(self, port: int) -> subprocess.Popen[bytes]:
+        """Start it on a core of its own; the caller ends it."""
+        return subprocess.Popen(
+            [*pinned(0), *(word.format(port=port) for word in self.command)],
+            stdin=subprocess.PIPE,  # the genuine agent ends with its input
+            stdout=subprocess.DEVNULL,
+            env={**os.environ, "PYTHONPATH": self.path} if self.path else None,
+        )
+
+
+def ours(*options: str, checkout: Path | None = None, python: str = sys.executable) -> Contender:
+    """`msbot agent udp4`, of this version or of that in another checkout."""
+    return Contender(
+        (python, "-m", "msbot", "agent", "udp4", "-p", "{port}", "-v", "1", *options),
+        ":".join(sources_of((checkout or SOURCE.parent.parent).resolve())),
+    )
+
+
+def genuine(program: str) -> Contender:
+    """eProsima's agent with its middleware in memory."""
+    return Contender((program, "udp4", "-p", "{port}", "-m", "ced"))
 
 
 def main() -> None:
-    """Run all loads and print one table."""
-    options = argparse.ArgumentParser(description=__doc__)
-    options.add_argument("--quick", action="store_true", help="one run of 1 s instead of three of 3 s")
+    """Run the loads and print one table."""
+    options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    options.add_argument("--quick", action="store_true", help="one run of 1 s, or one pair")
     options.add_argument("--write", action="store_true", help="keep it in bench/results")
+    options.add_argument("--genuine", metavar="PROGRAM", help="compare with this MicroXRCEAgent")
+    options.add_argument(
+        "--python", default=sys.executable, metavar="PROGRAM", help="with --genuine: ours runs with it"
+    )
     options.add_argument("--against", type=Path, metavar="CHECKOUT", help="compare with the version in this folder")
-    options.add_argument("--pairs", type=int, default=5, help="with --against: how often both run (default: 5)")
-    options.add_argument("--load", action="append", default=[], help="with --against: only this one; may be repeated")
+    options.add_argument("--pairs", type=int, default=5, help="how often both run (default: 5)")
+    options.add_argument("--load", action="append", default=[], help="only this one; may be repeated")
     chosen = options.parse_args()
+    loads = [one for one in LOADS if not chosen.load or one.name in chosen.load]
+    if unknown := set(chosen.load) - {one.name for one in LOADS}:
+        sys.exit(f"no load {', '.join(sorted(unknown))}; there are: {'; '.join(one.name for one in LOADS)}")
     generator = build_generator()
-    if chosen.against:
+    pairs = 1 if chosen.quick else max(1, chosen.pairs)
+    if chosen.genuine:
+        first, second = genuine(chosen.genuine), ours(python=chosen.python)
+        version = "eProsima's agent (C++, middleware in memory)"
+        lines = compare(
+            generator, loads, (first, second), pairs, f"{version} and `msbot agent` with {python_of(chosen.python)}"
+        )
+        name, title, command = "agent", "The agent beside eProsima's, over UDP", "--genuine PROGRAM --write"
+    elif chosen.against:
         if not sources_of(chosen.against):
             sys.exit(f"{chosen.against} is no checkout of MsBOT: it has neither packages/*/src nor src")
-        lines = compare(generator, chosen.against, max(1, chosen.pairs), chosen.load)
-        if chosen.load and chosen.write:
-            lines = [*with_new_rows(FOLDER / "agent_versions.md", lines)]
+        first, second = ours(checkout=chosen.against), ours()
+        lines = compare(
+            generator, loads, (first, second), pairs, f"the version before ({version_of(chosen.against)}) and this one"
+        )
         name, title, command = "agent_versions", "Two versions of the agent in turn", "--against CHECKOUT --write"
     else:
-        lines = measure(generator, *((1, 1) if chosen.quick else (3, 3)))
-        name, title, command = "agent", "The agent under load over UDP", "--write"
+        lines = measure(generator, loads, *((1, 1) if chosen.quick else (3, 3)))
+        name, title, command = "agent_alone", "The agent under load over UDP", "--write"
     if chosen.write:
+        if chosen.load:
+            lines = [*with_new_rows(FOLDER / f"{name}.md", lines)]
         write_result(name, title, lines, made_by=f"python bench/agent.py {command}")
 
 
-def measure(generator: Path, runs: int, seconds: int) -> list[str]:
-    """All loads beside the genuine agent's figures: the lines of the table, printed as they come."""
+def measure(generator: Path, loads: Sequence[Load], runs: int, seconds: int) -> list[str]:
+    """The loads, one after the other: the lines of the table, printed as they come."""
     lines = [
         f"{describe_machine()}; agent on one core, generator on the other; median of {runs} run(s) of {seconds} s, "
-        "64-byte payload. Spread: (largest - smallest) / median. The genuine agent's figures (C++, Release, "
-        "in-memory middleware) were taken earlier on a like machine with the same generator.",
+        "64-byte payload. Spread: (largest - smallest) / median.",
         "",
-        "| load | per second | spread | p50 / p99 µs | agent CPU µs | wrong | genuine per second | CPU µs | ratio |",
-        "|---|---|---|---|---|---|---|---|---|",
+        "| load | per second | spread | p50 / p99 µs | agent CPU µs | wrong |",
+        "|---|---|---|---|---|---|",
     ]
     print("\n".join(lines), flush=True)
-    for load in LOADS:
+    for load in loads:
         line = row(load, [run(generator, load, seconds) for _ in range(runs)])
         print(line, flush=True)
         lines.append(line)
     return lines
 
 
-def compare(generator: Path, other: Path, pairs: int, only: Sequence[str] = ()) -> list[str]:
-    """All loads with the agent of another checkout and with this one in turn: the lines of the table."""
-    version = subprocess.run(
-        ["git", "-C", str(other), "log", "-1", "--format=%cs, %h"], capture_output=True, text=True, check=False
-    ).stdout.strip()
+def compare(
+    generator: Path, loads: Sequence[Load], two: tuple[Contender, Contender], pairs: int, which: str
+) -> list[str]:
+    """The loads with two agents in turn: the lines of the table, printed as they come."""
     lines = [
-        f"{describe_machine()}; agent on one core, generator on the other; the version before ({version or other.name})"
-        " and this one in turn, pairs of 1 s each; medians, and the median of the pairs' ratios.",
+        f"{describe_machine()}; agent on one core, generator on the other, 64-byte payload; {which} in turn, "
+        "pairs of 1 s each; medians, and the median of the pairs' ratios (second : first).",
         "",
-        "| load | pairs | per second before | after | ratio | p50 µs before | after "
-        "| agent CPU µs before | after | ratio | wrong |",
-        "|---|---|---|---|---|---|---|---|---|---|---|",
+        "| load | pairs | per second, first | second | ratio | p50 µs, first | second | ratio "
+        "| agent CPU µs, first | second | ratio | wrong |",
+        "|---|---|---|---|---|---|---|---|---|---|---|---|",
     ]
     print("\n".join(lines), flush=True)
-    for load in (one for one in LOADS if not only or one.name in only):
-        before: list[Result] = []
-        after: list[Result] = []
+    for load in loads:
+        results: tuple[list[Result], list[Result]] = ([], [])
         for number in range(pairs):
             # Each goes first in every other pair: a computer that was idle is faster in the run that follows.
-            turns = [(before, other), (after, None)]
-            for results, checkout in turns if number % 2 == 0 else reversed(turns):
-                results.append(run(generator, load, 1, checkout=checkout))
-        line = pair_row(load, before, after)
+            for which_one in (0, 1) if number % 2 == 0 else (1, 0):
+                results[which_one].append(run(generator, load, 1, contender=two[which_one]))
+        line = pair_row(load, *results)
         print(line, flush=True)
         lines.append(line)
     return lines
@@ -165,9 +213,9 @@ def build_generator() -> Path:
 Result = dict[str, float]
 
 
-def run(generator: Path, load: Load, seconds: int, *options: str, checkout: Path | None = None) -> Result:
-    """One run against a fresh agent, which is started with these options besides."""
-    with agent(*options, checkout=checkout) as (port, pid):
+def run(generator: Path, load: Load, seconds: int, *options: str, contender: Contender | None = None) -> Result:
+    """One run against a fresh agent: that one, or ours, which is started with these options besides."""
+    with serving(contender or ours(*options)) as (port, pid):
         arguments = [*load.arguments.split(), "--agent", f"127.0.0.1:{port}", "--agent-pid", str(pid)]
         done = subprocess.run(
             [*pinned(1), str(generator), *arguments, "--duration", str(seconds)],
@@ -178,21 +226,36 @@ def run(generator: Path, load: Load, seconds: int, *options: str, checkout: Path
     try:
         result: Result = json.loads(done.stdout)
     except ValueError:
-        sys.exit(f"{load.name}: the generator said: {done.stderr or done.stdout}")
+        words = f"{load.name}: the generator said: {done.stderr or done.stdout}".strip()
+        if contender is None:
+            sys.exit(words)
+        print(words, file=sys.stderr)
+        return {"refused": 1}
     return result
 
 
 @contextlib.contextmanager
-def agent(*options: str, checkout: Path | None = None) -> Iterator[tuple[int, int]]:
+def agent(*options: str) -> Iterator[tuple[int, int]]:
     """`msbot agent udp4` on a free port and a core of its own: (port, process)."""
+    with serving(ours(*options)) as found:
+        yield found
+
+
+@contextlib.contextmanager
+def serving(contender: Contender) -> Iterator[tuple[int, int]]:
+    """That agent on a free port and a core of its own: (port, process)."""
     port = free_port()
-    process = start_agent(port, *options, checkout=checkout)
+    process = contender.start(port)
     try:
         wait_for(port)
         yield port, process.pid
     finally:
         process.send_signal(signal.SIGTERM)
-        process.wait()
+        try:
+            process.wait(5)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
 
 
 def free_port() -> int:
@@ -202,13 +265,26 @@ def free_port() -> int:
         return int(probe.getsockname()[1])
 
 
-def start_agent(port: int, *options: str, checkout: Path | None = None) -> subprocess.Popen[bytes]:
-    """`msbot agent udp4`, of this version or of that in another checkout, on a core of its own; the caller ends it."""
-    return subprocess.Popen(
-        [*pinned(0), sys.executable, "-m", "msbot", "agent", "udp4", "-p", str(port), "-v", "1", *options],
-        stdout=subprocess.DEVNULL,
-        env={**os.environ, "PYTHONPATH": ":".join(sources_of((checkout or SOURCE.parent.parent).resolve()))},
+def start_agent(port: int, *options: str) -> subprocess.Popen[bytes]:
+    """`msbot agent udp4` of this version on a core of its own; the caller ends it."""
+    return ours(*options).start(port)
+
+
+def version_of(checkout: Path) -> str:
+    """The date and the name of what is checked out there."""
+    said = subprocess.run(
+        ["git", "-C", str(checkout), "log", "-1", "--format=%cs, %h"], capture_output=True, text=True, check=False
     )
+    return said.stdout.strip() or checkout.name
+
+
+def python_of(program: str) -> str:
+    """The Python that this program is, and whether it was built with optimisation by profile."""
+    code = (
+        "import platform, sysconfig; found = sysconfig.get_config_var('CONFIG_ARGS') or ''; "
+        "print(platform.python_version(), 'optimised' if 'optimizations' in found else 'not optimised', 'by profile')"
+    )
+    return "CPython " + subprocess.run([program, "-c", code], capture_output=True, text=True, check=True).stdout.strip()
 
 
 def sources_of(checkout: Path) -> list[str]:
@@ -245,42 +321,33 @@ def row(load: Load, results: list[Result]) -> str:
         statistics.median(result[f"{load.latency_key}_{name}_us"] for result in results) for name in ("p50", "p99")
     )
     cpu = statistics.median(result.get(CPU_KEY, 0.0) for result in results)
-    said = problems(results)
-    peer = "-" if load.peer_rate is None else f"{load.peer_rate:,.0f}"
-    peer_cpu = "-" if load.peer_cpu_us is None else f"{load.peer_cpu_us:g}"
-    ratio = "-" if load.peer_rate is None else f"{rate / load.peer_rate:.2f}"
-    return (
-        f"| {load.name} | {rate:,.0f} | {spread:.0%} | {p50:.0f} / {p99:.0f} | {cpu:.1f} | {said} "
-        f"| {peer} | {peer_cpu} | {ratio} |"
-    )
+    return f"| {load.name} | {rate:,.0f} | {spread:.0%} | {p50:.0f} / {p99:.0f} | {cpu:.1f} | {problems(results) or 'nothing'} |"
 
 
-def pair_row(load: Load, before: list[Result], after: list[Result]) -> str:
+def pair_row(load: Load, first: list[Result], second: list[Result]) -> str:
     """A line of the comparison."""
 
-    def medians(key: str) -> tuple[float, float, float]:
-        """Of a figure: before, after, and of the ratios of the pairs."""
-        pairs = [(old.get(key, 0.0), new.get(key, 0.0)) for old, new in zip(before, after, strict=True)]
-        ratios = [new / old for old, new in pairs if old] or [float("nan")]
-        return (
-            statistics.median(old for old, _ in pairs),
-            statistics.median(new for _, new in pairs),
-            statistics.median(ratios),
-        )
+    def medians(key: str, form: str) -> str:
+        """Of a figure: of the first, of the second, and of the ratios of the pairs."""
+        pairs = [
+            (one[key], other[key]) for one, other in zip(first, second, strict=True) if key in one and key in other
+        ]
+        ratios = [other / one for one, other in pairs if one]
+        cells = [[one[key] for one in results if key in one] for results in (first, second)]
+        words = [format(statistics.median(cell), form) if cell else "-" for cell in cells]
+        return " | ".join([*words, f"{statistics.median(ratios):.2f}" if ratios else "-"])
 
-    rate, rate_now, rate_ratio = medians(load.rate_key)
-    p50, p50_now, _ = medians(f"{load.latency_key}_p50_us")
-    cpu, cpu_now, cpu_ratio = medians(CPU_KEY)
+    rate, p50 = medians(load.rate_key, ",.0f"), medians(f"{load.latency_key}_p50_us", ".0f")
+    wrong = [f"{name}: {said}" for name, one in (("first", first), ("second", second)) if (said := problems(one))]
     return (
-        f"| {load.name} | {len(before)} | {rate:,.0f} | {rate_now:,.0f} | {rate_ratio:.2f} | {p50:.0f} | {p50_now:.0f} "
-        f"| {cpu:.1f} | {cpu_now:.1f} | {cpu_ratio:.2f} | before: {problems(before)}; after: {problems(after)} |"
+        f"| {load.name} | {len(first)} | {rate} | {p50} | {medians(CPU_KEY, '.1f')} | {'; '.join(wrong) or 'nothing'} |"
     )
 
 
 def problems(results: list[Result]) -> str:
     """What went wrong in these runs, in words."""
     wrong = {name: int(sum(result.get(name, 0) for result in results)) for name in PROBLEMS}
-    return ", ".join(f"{count} {name}" for name, count in wrong.items() if count) or "nothing"
+    return ", ".join(f"{count} {name}" for name, count in wrong.items() if count)
 
 
 if __name__ == "__main__":

@@ -1,9 +1,13 @@
 """What a message costs inside the agent, without sockets: from the packet of a link to the packets for it.
 
 One writer, one reader (or a requester and a replier) log in over a link in memory; then recorded packets run through
-the agent, 1 or 8 in a burst, and the time is divided by the messages. Acknowledgements are part of reliable messages.
+the agent, 1 or 8 in a burst, and the processor time is divided by the messages. Acknowledgements are part of reliable
+messages. A session is one login, four objects, each acknowledged, and the end of the session; 8 in a burst are those
+of 8 clients.
 
-    python bench/path.py [--quick] [--profile] [--recorded]
+    python bench/path.py [--quick] [--profile] [--sockets | --recorded]
+
+With `--sockets` packets come and go through UDP sockets of this computer, and what the kernel does counts as well.
 
 With `--recorded` each load runs without and with the flight recorder, in short turns, and processor time is counted, so
 that other programs hardly matter: what the recorder does in the robot's process, not what its own process does. Once
@@ -21,7 +25,7 @@ import pstats
 import statistics
 import struct
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from bench.machine import describe_machine
@@ -71,6 +75,8 @@ class Client:
     def __init__(self, wire: Wire | SocketWire, key: int) -> None:
         self.wire = wire
         self.key = key
+        self.sent: list[bytes] = []
+        """All its packets."""
         self.session = ClientSession(key, epoch_ns=lambda: 0)
         self.session.connect(0.0)
         self.settle()
@@ -104,6 +110,7 @@ class Client:
     def settle(self) -> None:
         """Exchange packets until nobody has any."""
         while packets := self.session.packets_to_send(0.0):
+            self.sent += packets
             self.wire.hand_in(packets, self.key)
             self.wire.work(0.0)
             for packet, peer in self.wire.take():
@@ -179,6 +186,15 @@ class Course:
         self.seconds += self._timer() - start
         return [packet for packet, peer in self.wire.take() if peer == receiver and packet[4] == DATA]
 
+    def pass_all(self, packets: list[tuple[bytes, int]]) -> int:
+        """A packet each of several clients comes in; how many packets go out because of it."""
+        self.wire.hand_in_all(packets)
+        work, now = self.wire.work, self._clock()
+        start = self._timer()
+        work(now)
+        self.seconds += self._timer() - start
+        return len(self.wire.take())
+
     def acknowledge(self, samples: list[bytes]) -> list[bytes]:
         """What the client says to those samples."""
         return [acknack(packet) for packet in samples] if self.reliable else []
@@ -225,6 +241,28 @@ def requests(wire: Wire | SocketWire, load: Load) -> Run:
     return run
 
 
+def sessions(wire: Wire | SocketWire, load: Load) -> Run:
+    """Clients that come, make a writer, and leave; each comes again with the same packets."""
+    recorded: list[list[bytes]] = []
+    for key in range(1, load.burst + 1):
+        client = Client(wire, key)
+        client.writer()
+        client.session.close(0.0)
+        client.settle()
+        recorded.append(client.sent)
+    assert len({len(packets) for packets in recorded}) == 1
+
+    def run(messages: int) -> float:
+        course = Course(wire, load.stream_id, load.timer)
+        for _ in range(0, messages, load.burst):
+            for number in range(len(recorded[0])):
+                went = course.pass_all([(packets[number], key) for key, packets in enumerate(recorded, 1)])
+            assert went == load.burst, "each has the answer to its end"
+        return course.seconds
+
+    return run
+
+
 @dataclass(frozen=True)
 class Load:
     """One row of the table."""
@@ -234,7 +272,7 @@ class Load:
     stream_id: int
     burst: int
     wire: Callable[[], Wire | SocketWire] = Wire
-    timer: Callable[[], float] = time.perf_counter
+    timer: Callable[[], float] = time.thread_time
     """What the agent's time is kept with; each burst is timed twice."""
 
 
@@ -244,6 +282,7 @@ LOADS = tuple(
         ("best effort", samples, STREAM_BEST_EFFORT),
         ("reliable", samples, STREAM_RELIABLE),
         ("request and reply, reliable", requests, STREAM_RELIABLE),
+        ("sessions", sessions, STREAM_RELIABLE),
     )
     for burst in (1, 8)
 )
@@ -306,6 +345,7 @@ def main() -> None:
     options = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     options.add_argument("--quick", action="store_true", help="fewer messages")
     options.add_argument("--profile", action="store_true", help="print where the time goes instead")
+    options.add_argument("--sockets", action="store_true", help="through UDP sockets")
     options.add_argument("--recorded", action="store_true", help="with the flight recorder, and without")
     chosen = options.parse_args()
     messages, repeats = (2_000, 3) if chosen.quick else (20_000, 7)
@@ -313,17 +353,19 @@ def main() -> None:
         for line in recorded_table(20 if chosen.quick else 150):
             print(line)
         return
-    for line in table(messages, repeats) if not chosen.profile else profile(messages):
+    loads = [replace(load, wire=SocketWire) for load in LOADS] if chosen.sockets else LOADS
+    for line in table(loads, messages, repeats) if not chosen.profile else profile(loads, messages):
         print(line)
 
 
-def table(messages: int, repeats: int) -> Iterator[str]:
+def table(loads: Sequence[Load], messages: int, repeats: int) -> Iterator[str]:
     """The table, line by line."""
-    yield f"The way of a message of {len(PAYLOAD)} bytes through the agent, without sockets ({describe_machine()};"
-    yield f"median of {repeats} runs of {messages:,} messages, and the range)\n"
+    sockets = "from UDP socket to UDP socket" if loads[0].wire is SocketWire else "without sockets"
+    yield f"The way of a message of {len(PAYLOAD)} bytes through the agent, {sockets} ({describe_machine()};"
+    yield f"processor time, median of {repeats} runs of {messages:,} messages, and the range)\n"
     yield "| messages | in a burst | µs a message | from | to |"
     yield "|---|---|---|---|---|"
-    for load in LOADS:
+    for load in loads:
         costs = asyncio.run(measure(load, messages, repeats, None))
         yield f"| {load.name} | {load.burst} | {statistics.median(costs):.2f} | {min(costs):.2f} | {max(costs):.2f} |"
 
@@ -345,9 +387,9 @@ def recorded_table(turns: int) -> Iterator[str]:
             )
 
 
-def profile(messages: int) -> Iterator[str]:
+def profile(loads: Sequence[Load], messages: int) -> Iterator[str]:
     """The functions that take most of the time, for each load."""
-    for load in LOADS:
+    for load in loads:
         watch = cProfile.Profile()
         asyncio.run(measure(load, messages, 1, watch))
         text = io.StringIO()

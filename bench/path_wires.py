@@ -29,7 +29,11 @@ class Wire(BaseLink):
 
     def hand_in(self, packets: list[bytes], sender: int) -> None:
         """Packets of a client that wait for the agent."""
-        self._handed_in = [(packet, sender) for packet in packets]
+        self.hand_in_all([(packet, sender) for packet in packets])
+
+    def hand_in_all(self, packets: list[tuple[bytes, int]]) -> None:
+        """Packets of several clients that wait for the agent, with their senders."""
+        self._handed_in = packets
 
     def work(self, now: float) -> None:
         """What the agent does with all that waits."""
@@ -65,7 +69,7 @@ class SocketWire(UdpServerLink):
     """The agent's UDP link, and a socket for each client; what is sent on this computer is there at once."""
 
     def __init__(self) -> None:
-        super().__init__("127.0.0.1", 0)
+        super().__init__("127.0.0.1", 0, linger_s=0.0)  # nothing comes while the agent works: it would wait in vain
         self._clients: dict[int, socket.socket] = {}
         self._poll = select.epoll()
         self._is_open = asyncio.Event()
@@ -83,12 +87,16 @@ class SocketWire(UdpServerLink):
 
     def hand_in(self, packets: list[bytes], sender: int) -> None:
         """Packets of a client that wait for the agent."""
-        if sender not in self._clients:
-            client = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-            client.connect(("127.0.0.1", self.port))
-            client.setblocking(False)
-            self._clients[sender] = client
-        for packet in packets:
+        self.hand_in_all([(packet, sender) for packet in packets])
+
+    def hand_in_all(self, packets: list[tuple[bytes, int]]) -> None:
+        """Packets of several clients that wait for the agent, with their senders."""
+        for packet, sender in packets:
+            if sender not in self._clients:
+                client = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+                client.connect(("127.0.0.1", self.port))
+                client.setblocking(False)
+                self._clients[sender] = client
             self._clients[sender].send(packet)
 
     def work(self, now: float) -> None:  # noqa: ARG002 - it asks the loop's clock, as in a robot
