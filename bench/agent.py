@@ -1,16 +1,16 @@
 """The agent under load over UDP on this machine: the loads of a C generator, alone or beside another agent.
 
     python bench/agent.py [--quick] [--pairs N] [--load NAME] [--write]
-        [--genuine PROGRAM [--python PROGRAM] | --against CHECKOUT]
+        [--genuine PROGRAM [--python PROGRAM]... | --against CHECKOUT]
 
 Needs gcc for the generator (`xrce_load.c`). Agent and generator get a core each.
 
 Two agents run in turn, a second each: what a computer can do changes from minute to minute, what one agent does beside
 another does not. `--genuine` runs eProsima's `MicroXRCEAgent` (built elsewhere, with its middleware in memory) and
-this agent; `--against` the agent of another checkout and this one. `--python` runs ours with another Python.
+this agent, once with each `--python`; `--against` the agent of another checkout and this one.
 
 `--write` keeps the table in bench/results: `agent.md` beside the genuine agent, `agent_versions.md` with `--against`.
-With `--load`, the rows of these loads replace those in the file.
+With `--load`, the rows of these loads replace those in the latter.
 """
 
 from __future__ import annotations
@@ -114,7 +114,7 @@ def main() -> None:
     options.add_argument("--write", action="store_true", help="keep it in bench/results")
     options.add_argument("--genuine", metavar="PROGRAM", help="compare with this MicroXRCEAgent")
     options.add_argument(
-        "--python", default=sys.executable, metavar="PROGRAM", help="with --genuine: ours runs with it"
+        "--python", action="append", default=[], metavar="PROGRAM", help="with --genuine: a Python for ours; repeatable"
     )
     options.add_argument("--against", type=Path, metavar="CHECKOUT", help="compare with the version in this folder")
     options.add_argument("--pairs", type=int, default=5, help="how often both run (default: 5)")
@@ -126,11 +126,10 @@ def main() -> None:
     generator = build_generator()
     pairs = 1 if chosen.quick else max(1, chosen.pairs)
     if chosen.genuine:
-        first, second = genuine(chosen.genuine), ours(python=chosen.python)
-        version = "eProsima's agent (C++, middleware in memory)"
-        lines = compare(
-            generator, loads, (first, second), pairs, f"{version} and `msbot agent` with {python_of(chosen.python)}"
-        )
+        lines = []
+        for python in chosen.python or [sys.executable]:
+            which = f"eProsima's agent (C++, middleware in memory) and `msbot agent` with {python_of(python)}"
+            lines += [*compare(generator, loads, (genuine(chosen.genuine), ours(python=python)), pairs, which), ""]
         name, title, command = "agent", "The agent beside eProsima's, over UDP", "--genuine PROGRAM --write"
     elif chosen.against:
         if not sources_of(chosen.against):
@@ -144,7 +143,7 @@ def main() -> None:
         lines = measure(generator, loads, *((1, 1) if chosen.quick else (3, 3)))
         name, title, command = "agent_alone", "The agent under load over UDP", "--write"
     if chosen.write:
-        if chosen.load:
+        if chosen.load and chosen.against:
             lines = [*with_new_rows(FOLDER / f"{name}.md", lines)]
         write_result(name, title, lines, made_by=f"python bench/agent.py {command}")
 
@@ -171,8 +170,9 @@ def compare(
 ) -> list[str]:
     """The loads with two agents in turn: the lines of the table, printed as they come."""
     lines = [
-        f"{describe_machine()}; agent on one core, generator on the other, 64-byte payload; {which} in turn, "
-        "pairs of 1 s each; medians, and the median of the pairs' ratios (second : first).",
+        f"{describe_machine()}, load {os.getloadavg()[0]:.1f} before it began; agent on one core, generator on the "
+        f"other, 64-byte payload; {which} in turn, pairs of 1 s each; medians, and the median of the pairs' ratios "
+        "(second : first). Where other programs took much of the time, only the processor time compares.",
         "",
         "| load | pairs | per second, first | second | ratio | p50 µs, first | second | ratio "
         "| agent CPU µs, first | second | ratio | wrong |",
@@ -229,7 +229,9 @@ def run(generator: Path, load: Load, seconds: int, *options: str, contender: Con
         words = f"{load.name}: the generator said: {done.stderr or done.stdout}".strip()
         if contender is None:
             sys.exit(words)
-        print(words, file=sys.stderr)
+        result = {}
+    if load.rate_key not in result:
+        print(f"{load.name}: {(done.stderr or done.stdout).strip()}", file=sys.stderr)
         return {"refused": 1}
     return result
 
@@ -279,12 +281,9 @@ def version_of(checkout: Path) -> str:
 
 
 def python_of(program: str) -> str:
-    """The Python that this program is, and whether it was built with optimisation by profile."""
-    code = (
-        "import platform, sysconfig; found = sysconfig.get_config_var('CONFIG_ARGS') or ''; "
-        "print(platform.python_version(), 'optimised' if 'optimizations' in found else 'not optimised', 'by profile')"
-    )
-    return "CPython " + subprocess.run([program, "-c", code], capture_output=True, text=True, check=True).stdout.strip()
+    """Which Python that program is: two of one version differ by how they were built."""
+    code = "import sys; print('CPython', ' '.join(sys.version.split()))"
+    return subprocess.run([program, "-c", code], capture_output=True, text=True, check=True).stdout.strip()
 
 
 def sources_of(checkout: Path) -> list[str]:
@@ -321,7 +320,8 @@ def row(load: Load, results: list[Result]) -> str:
         statistics.median(result[f"{load.latency_key}_{name}_us"] for result in results) for name in ("p50", "p99")
     )
     cpu = statistics.median(result.get(CPU_KEY, 0.0) for result in results)
-    return f"| {load.name} | {rate:,.0f} | {spread:.0%} | {p50:.0f} / {p99:.0f} | {cpu:.1f} | {problems(results) or 'nothing'} |"
+    said = problems(results) or "nothing"
+    return f"| {load.name} | {rate:,.0f} | {spread:.0%} | {p50:.0f} / {p99:.0f} | {cpu:.1f} | {said} |"
 
 
 def pair_row(load: Load, first: list[Result], second: list[Result]) -> str:

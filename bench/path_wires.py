@@ -8,6 +8,7 @@ from __future__ import annotations
 import asyncio
 import select
 import socket
+from collections.abc import Sequence
 
 from msbot_agent.link import BaseLink, LinkInfo, Peer
 from msbot_agent.link.net import UdpServerLink
@@ -21,7 +22,7 @@ class Wire(BaseLink):
     def __init__(self) -> None:
         super().__init__(LinkInfo("memory:", 512, in_bursts=True))
         self._out: list[tuple[bytes, Peer]] = []
-        self._handed_in: list[tuple[bytes, Peer]] = []
+        self._handed_in: Sequence[tuple[bytes, Peer]] = ()
 
     async def opened(self) -> None:
         """Wait until the agent serves it."""
@@ -31,7 +32,7 @@ class Wire(BaseLink):
         """Packets of a client that wait for the agent."""
         self.hand_in_all([(packet, sender) for packet in packets])
 
-    def hand_in_all(self, packets: list[tuple[bytes, int]]) -> None:
+    def hand_in_all(self, packets: Sequence[tuple[bytes, int]]) -> None:
         """Packets of several clients that wait for the agent, with their senders."""
         self._handed_in = packets
 
@@ -41,7 +42,7 @@ class Wire(BaseLink):
         for packet, sender in self._handed_in:
             receive(packet, sender, now)
         self._burst_end_handler()
-        self._handed_in = []
+        self._handed_in = ()
 
     def has_room(self, peer: Peer) -> bool:  # noqa: ARG002 - the protocol's signature
         """Always."""
@@ -89,7 +90,7 @@ class SocketWire(UdpServerLink):
         """Packets of a client that wait for the agent."""
         self.hand_in_all([(packet, sender) for packet in packets])
 
-    def hand_in_all(self, packets: list[tuple[bytes, int]]) -> None:
+    def hand_in_all(self, packets: Sequence[tuple[bytes, int]]) -> None:
         """Packets of several clients that wait for the agent, with their senders."""
         for packet, sender in packets:
             if sender not in self._clients:
