@@ -103,6 +103,24 @@ def test_the_list_of_installed_files_knows_programs_as_they_are_in_the_package(t
     assert list(debian_package.recorded(record, site)) == [f"../../../bin/msbot,sha256={digest},29\n", kept]
 
 
+def test_a_package_has_programs_for_its_own_processor_only(tmp_path: Path) -> None:
+    elf = b"\x7fELF" + bytes(14)
+    for name, machine, mode in (("a.so.1", 183, 0o644), ("b.so", 62, 0o644), ("c", 62, 0o755), ("data", 62, 0o644)):
+        (tmp_path / name).write_bytes(elf + machine.to_bytes(2, "little"))
+        (tmp_path / name).chmod(mode)
+    (tmp_path / "script").write_text("#!/bin/sh\n")
+    (tmp_path / "script").chmod(0o755)
+    assert debian_package._of_another_machine(tmp_path, "arm64") == [Path("b.so"), Path("c")]
+    assert debian_package._of_another_machine(tmp_path, "amd64") == [Path("a.so.1")]
+
+
+def test_a_processor_without_wheels_is_refused(tmp_path: Path) -> None:
+    if shutil.which("dpkg-deb") is None or not debian_package.PYTHON.exists():
+        pytest.skip("a package is made on Debian")
+    with pytest.raises(debian_package.CannotBuild, match=r"no package is made here for 'mips', but for amd64, arm64"):
+        debian_package.build(tmp_path, "0.0.1", "mips")
+
+
 # What it does in a clean system.
 
 

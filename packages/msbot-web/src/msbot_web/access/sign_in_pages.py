@@ -26,7 +26,9 @@ _DEVICE_S = 365 * 24 * 3600
 """How long a browser remembers who has signed in with it."""
 
 
-def make_forms(accounts: Accounts, robot: str, cookies: CookieNames, passes: TicketCodes | None = None) -> APIRouter:
+def make_forms(
+    accounts: Accounts, robot: str, cookies: CookieNames, passes: TicketCodes | None = None, *, is_open: bool = False
+) -> APIRouter:
     """The pages `/login`, `/setup`, `/enter`, `/join` and `/logout`; with tickets of pupils `/pass` and `/come`, too.
 
     Args:
@@ -34,6 +36,7 @@ def make_forms(accounts: Accounts, robot: str, cookies: CookieNames, passes: Tic
         robot: the name that the pages show.
         cookies: what the cookies are called.
         passes: the tickets of pupils; None: there are none.
+        is_open: whether the first visitor sets the page up without the link.
     """
     router = APIRouter(include_in_schema=False)
 
@@ -60,6 +63,8 @@ def make_forms(accounts: Accounts, robot: str, cookies: CookieNames, passes: Tic
     @router.get("/login")
     async def show_login(request: Request, next: str = "/") -> Response:
         if accounts.needs_setup and not accounts.has_entry_link:
+            if is_open:
+                return page(request, "set_up", "Set-up", token=accounts.setup_token())
             return page(request, "set_up_hint", "Set-up")
         ended = accounts.sessions.why_ended(request.cookies.get(cookies.session, ""))
         why = language_of(request).translate(ended)

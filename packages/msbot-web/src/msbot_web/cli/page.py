@@ -42,13 +42,23 @@ class PageOptions:
     key: Path | None
     names: tuple[str, ...] = ()
     proxies: tuple[str, ...] = ()
+    open_set_up: bool = False
+    """Whoever opens the page first becomes its administrator."""
 
     def settings(self, place: str = "") -> WebSettings:
         """The same in the form that the web room takes; imports that room. `place` as in `WebSettings`."""
         from msbot_web.server import WebSettings
 
         return WebSettings(
-            self.host, self.port, self.or_any_port, self.certificate, self.key, self.names, self.proxies, place
+            self.host,
+            self.port,
+            self.or_any_port,
+            self.certificate,
+            self.key,
+            self.names,
+            self.proxies,
+            place,
+            self.open_set_up,
         )
 
 
@@ -98,6 +108,7 @@ def page_wishes(
     certificate_key: Path | None,
     page_names: tuple[str, ...] = (),
     trusted_proxies: tuple[str, ...] = (),
+    open_set_up: bool = False,
 ) -> PageOptions:
     """The options as one value.
 
@@ -115,6 +126,7 @@ def page_wishes(
         key=certificate_key,
         names=page_names,
         proxies=trusted_proxies,
+        open_set_up=open_set_up,
     )
 
 
@@ -199,6 +211,13 @@ announce_option = click.option(
 )
 
 
+open_set_up_option = click.option(
+    "--open-set-up",
+    is_flag=True,
+    help="Let whoever opens the page first become its administrator, without the link: for a robot without a screen.",
+)
+
+
 @dataclass(frozen=True, slots=True)
 class _Wanted:
     page: PageOptions
@@ -209,7 +228,7 @@ class _Wanted:
 class PageService(CommandService[_Wanted, "MasterContext"]):
     """Shows the lessons of the service `teaching`."""
 
-    options = (page_options, announce_option)
+    options = (page_options, announce_option, open_set_up_option)
     after = ("teaching",)
 
     def check(self, given: Mapping[str, Any]) -> _Wanted | None:
@@ -222,6 +241,7 @@ class PageService(CommandService[_Wanted, "MasterContext"]):
             certificate_key=given["certificate_key"],
             page_names=given["page_names"],
             trusted_proxies=given["trusted_proxies"],
+            open_set_up=given["open_set_up"],
         )
         announced_for = ""
         if given["announce"] is not None:

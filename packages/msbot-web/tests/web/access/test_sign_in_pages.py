@@ -27,9 +27,15 @@ def accounts() -> Accounts:
 
 
 @pytest.fixture
-async def browser(accounts: Accounts) -> AsyncIterator[httpx.AsyncClient]:
+def is_open() -> bool:
+    """Whether the first visitor needs no link."""
+    return False
+
+
+@pytest.fixture
+async def browser(accounts: Accounts, is_open: bool) -> AsyncIterator[httpx.AsyncClient]:
     app = FastAPI()
-    app.include_router(make_forms(accounts, "Robby <b>", COOKIES))
+    app.include_router(make_forms(accounts, "Robby <b>", COOKIES, is_open=is_open))
     transport = httpx.ASGITransport(
         AccessMiddleware(app, accounts, ("127.0.0.1",), cookies=COOKIES, owns=lambda *_: False, beat=lambda: b"{}")
     )
@@ -52,6 +58,21 @@ async def test_the_set_up_link_leads_to_an_administrator(accounts: Accounts, bro
     assert accounts.session(browser.cookies[COOKIE]) is not None
     again = await browser.post("/setup", data={**form, "again": "correct horse"})
     assert again.status_code == 403
+
+
+@pytest.mark.parametrize("is_open", [True])
+async def test_a_page_with_an_open_set_up_makes_the_first_visitor_administrator_and_no_other(
+    accounts: Accounts, browser: httpx.AsyncClient
+) -> None:
+    token = accounts.setup_token()
+    assert token in (await browser.get("/login")).text
+    form = {"token": token, "name": "ada", "password": "correct horse", "again": "correct horse"}
+    assert (await browser.post("/setup", data=form)).status_code == 303
+    browser.cookies.clear()
+    second = (await browser.get("/login")).text
+    assert 'name="token"' not in second
+    assert 'name="password"' in second
+    assert (await browser.post("/setup", data={**form, "name": "eve"})).status_code == 403
 
 
 async def test_until_somebody_is_set_up_the_sign_in_says_where_the_link_is(browser: httpx.AsyncClient) -> None:
