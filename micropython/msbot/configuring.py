@@ -26,22 +26,21 @@ def configure(part, slot, bindings, settings, now):
     """See `Part.configure`."""
     part.slot = slot
     safe = {}
-    ranges = []
     stop = None
+    watched = "publish" in part.__dict__  # by `range_watch`
     part.settings = {}
     for name, text in settings:
         port, mark, field = name.partition(".safe.")
         if mark:
             safe.setdefault(port, {})[field] = text
         elif ".range." in name:
-            ranges.append((name, text))
+            watched = True
         elif name == ".stop":
             stop = text
         else:
             part.settings[name] = text
-    if ranges or part.has_ranges:
-        part.has_ranges = True
-        load("range_watch").watch(part, ranges)
+    if watched:
+        load("range_watch").watch(part, settings)
     part._safe = {}
     for port, fields in safe.items():
         if port in part._listeners:

@@ -68,7 +68,7 @@ class Part:
         self.declared = []  # what it says of itself: ("publish", port, class, None), ("setting", name, kind, ...), ...
         self.slot = ""
         self.settings = {}
-        self.stopped = self.has_ranges = False  # ranges: of what it publishes
+        self.stopped = False
         self.out_of_range = 0
         self.counters = Counters()
         self.clock = None  # ms; set by the runner of the part, to find functions that are slow
@@ -269,8 +269,7 @@ class Part:
             message = listener[0].decode(octets)
         except RemoteProtocolError as error:
             self.counters.dropped += 1
-            words = "a message that cannot be read: {}".format(error)
-            self.report("port {!r}".format(name), words, "unreadable")
+            once("words").unreadable(self, name, error)
             return
         if self.stopped:
             self.counters.held += 1
@@ -344,14 +343,14 @@ class Part:
             if self.stopped and number >= self._ends_with:
                 self._end_stop("STOP is over")
         elif kind == _IDENTIFY:
-            say("info", "{}: somebody asks which part this is".format(self.local_name))
+            once("words").identify(self)
             self._tell("identify")
         elif kind == _PARTNER_LOST and number == self._membership.version and place < len(self._places):
             port = self._places[place]
-            say("info", "{}: nobody sends to port {} any more".format(self.local_name, port))
             if self.services:
                 self.services.partner_lost(port)
             self._enter_safe_state(port)
+            once("words").partner(self, port)  # afterwards: memory may be short
             self._tell("partner", port)
 
     def stop_said(self, reason, now, number=None):

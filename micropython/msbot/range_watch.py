@@ -4,11 +4,13 @@ Imported when a configuration has a range. A value outside is sent as it is, cou
 """
 
 
-def watch(part, ranges):
-    """Look at what the part publishes from now on; `ranges`: settings `PORT.range.FIELD`, each `least most`."""
+def watch(part, settings):
+    """Look at what the part publishes from now on; in `settings` are `PORT.range.FIELD`, each `least most`."""
     table = {}
-    for name, text in ranges:
-        port, _, field = name.partition(".range.")
+    for name, text in settings:
+        port, mark, field = name.partition(".range.")
+        if not mark:
+            continue
         try:
             least, most = [float(one) for one in text.split()]
         except ValueError:

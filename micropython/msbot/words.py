@@ -82,6 +82,21 @@ def not_for_port(part, port, binding, message):
     return "port {!r} carries {}, not {}".format(port, binding[2], type_name_of(kind))
 
 
+def identify(part):
+    """Say that somebody wants to see which part it is."""
+    say("info", "{}: somebody asks which part this is".format(part.local_name))
+
+
+def partner(part, port):
+    """Say that a port has lost its partner."""
+    say("info", "{}: nobody sends to port {} any more".format(part.local_name, port))
+
+
+def unreadable(part, port, error):
+    """Report a message that makes no sense."""
+    part.report("port {!r}".format(port), "a message that cannot be read: {}".format(error), "unreadable")
+
+
 def no_setting(part, name):
     """What is wrong with asking for a setting."""
     known = ", ".join(sorted(part.settings)) or "none"
