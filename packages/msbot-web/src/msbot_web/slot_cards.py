@@ -9,7 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 
-from msbot.config import Binding, Blueprint, Library, PartType, Port, Slot, scalar_text
+from msbot.config import Binding, Blueprint, Library, MessageType, PartType, Port, Slot, scalar_text
 from msbot.pnp import PartInfo, PartState, SelfDescription, StopStatus
 from msbot_agent.agent import SessionFaultCounts
 from msbot_agent.text.sentence import said
@@ -249,15 +249,21 @@ def _says(said: SelfDescription) -> PartDeclaration:
     )
 
 
+def _says_field(port: Port, message: MessageType, name: str) -> str:
+    """`percent 0 … 100 %`."""
+    ends = "" if name not in port.ranges else "{:g} … {:g}".format(*port.ranges[name])
+    return " ".join(filter(None, (name, ends, message.units.get(name, ""))))
+
+
 def _says_port(port: Port) -> PortDeclaration:
     message = port.message
-    fields = {} if message is None else {name: message.units.get(name, "") for name in message.fields}
+    fields = [] if message is None else [_says_field(port, message, name) for name in message.fields]
     safe = ", ".join(f"{name} = {scalar_text(value)}" for name, value in (port.safe or {}).items())
     return PortDeclaration(
         name=port.name,
         direction=port.direction.value,
         type=port.type_name,
-        fields=[f"{name} {unit}".strip() for name, unit in fields.items()],
+        fields=fields,
         safe=safe,
     )
 

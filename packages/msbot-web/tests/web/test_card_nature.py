@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
 
+from msbot.config import load_library, read_description
 from msbot.part.join.pnp_messages import Nature
-from msbot.pnp import PartInfo, PartState
+from msbot.pnp import PartInfo, PartState, SelfDescription
 from msbot_web.html import render
 from msbot_web.slot_cards import part_line
 
@@ -63,3 +65,19 @@ def test_the_badge_of_a_card_is_what_its_part_reports(nature: Nature, simulated_
     )
     assert '<span class="mono">LED</span>' in html
     assert (f">{badge}</span>" in html) if badge else ("origin" not in html)
+
+
+def test_an_arrival_says_the_ranges_of_its_ports() -> None:
+    text = """number = "VALVE"
+name = "valve"
+[[port]]
+name = "level"
+direction = "subscribe"
+type = "Level"
+safe = {percent = 0.0}
+ranges = {percent = [0, 60.5]}
+"""
+    says = SelfDescription(text, read_description(text, "VALVE", load_library()))
+    said = part_line(replace(info(Nature.REAL), says=says), is_ignored=False).says
+    assert said is not None
+    assert said.ports[0].fields == ["percent 0 … 60.5 %"]
