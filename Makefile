@@ -25,7 +25,7 @@ HASHES ?= yes
 # The tests start hundreds of processes: where Python may not keep what it has compiled, each compiles all it imports.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test tests quick check format vm bench wheel docs release deb screenshots assets board requirements clean help
+.PHONY: demo test tests quick check format vm bench wheel docs release deb image image-test screenshots assets board requirements clean help
 
 help:
 	@echo 'make demo    set up and run a robot of ten parts, all simulated; ARGS="--robot thesis --link fd" passes options on'
@@ -40,6 +40,8 @@ help:
 	@echo 'make assets  fetch the files of others that are carried along again (needs npm), and compare them'
 	@echo 'make wheel   make packages for other computers: dist/msbot*.whl'
 	@echo 'make deb     make a package for this release of Debian in build/debian'
+	@echo 'make image   make the image of an SD card for the Raspberry Pi, build/image/msbot-pi.img (root, Debian 12)'
+	@echo 'make image-test   start it in a virtual computer, and cut its power 20 times; ARGS="--cuts 3"'
 	@echo 'make requirements   write requirements/ anew; ARGS=--upgrade takes the newest versions'
 	@echo 'make docs    build the documentation site, with the API of the packages, into site/ (needs npm, once)'
 	@echo 'make release make a release of what is committed into build/release, and try it; ARGS="--only 3.12"'
@@ -131,6 +133,12 @@ docs: $(VENV)/.docs
 
 deb: $(VENV)/.dev
 	$(BIN)/python tools/debian_package.py build/debian $(ARGS)
+
+image: $(VENV)/.dev
+	$(BIN)/python -m tools.card_image build/image $(ARGS)
+
+image-test: $(VENV)/.dev
+	$(BIN)/python -m tools.card_image.trial build/image/msbot-pi.img --package "$$(ls build/image/kept/msbot_*_arm64.deb)" $(ARGS)
 
 release: $(VENV)/.dev $(VENV)/.docs
 	$(BIN)/python -m tools.release build/release $(ARGS)

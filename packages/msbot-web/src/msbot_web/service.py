@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import AsyncIterator, Callable, Sequence
 from functools import partial
+from importlib.metadata import version
 from typing import TYPE_CHECKING
 
 from msbot.metrics import MomentFigures
@@ -46,6 +47,7 @@ from msbot_web.models.robot_models import (
 from msbot_web.programs.programs import NoProgramStore, ProgramActions, ProgramStore
 from msbot_web.recorded_past import RecordedPast
 from msbot_web.remote_robots import RemoteRobots
+from msbot_web.sd_card import CardChange, CardState, SdCard
 from msbot_web.simulated.held_controls import HeldControls
 from msbot_web.stored_data import BackupDownload, StoredData
 from msbot_web.whole_class import WholeClass
@@ -82,6 +84,7 @@ class Service:
         learning: the lessons; None: there are none.
         far: the robots on other computers; None: those that this user has an access to.
         demo: the demo whose robot this is; None: none.
+        card: the SD card that this computer runs from; None: the one of this computer, if it is one of MsBOT.
     """
 
     def __init__(
@@ -101,6 +104,7 @@ class Service:
         learning: LessonsView | None = None,
         far: RemoteRobots | None = None,
         demo: RunningDemo | None = None,
+        card: SdCard | None = None,
     ) -> None:
         self.views = views
         self.accounts = accounts
@@ -122,6 +126,7 @@ class Service:
             asker=self.asker,
         )
         """All robots of the class."""
+        self._card = card or SdCard()
         self.past = RecordedPast(
             lambda: str(operations.recording.recording().answer.get("folder") or ""),
             lambda: views.library,
@@ -442,6 +447,42 @@ class Service:
         """Go back to a backup, which is stored as it comes in."""
         self._need(session, Right.ADMINISTER)
         return ChangeResult(words=await self._records.restore(backup, session.name))
+
+    # The card that the computer runs from
+
+    def has_card(self, session: Session) -> bool:
+        """Whether there is something to set about the computer, for this person."""
+        return session.may(Right.ADMINISTER) and self._card.is_there
+
+    async def card(self, session: Session) -> CardState:
+        """The card as it is."""
+        self.accounts.require(session, Right.ADMINISTER)
+        return await self._card.state()
+
+    async def change_card(self, session: Session, wanted: CardChange) -> ChangeResult:
+        """Set name, Wi-Fi, hats."""
+        self._need(session, Right.ADMINISTER)
+        await self._card.change(wanted)
+        return ChangeResult(words=said("The card keeps it."))
+
+    async def update_card(self, session: Session, package: AsyncIterator[bytes]) -> ChangeResult:
+        """Take a version of MsBOT in."""
+        self._need(session, Right.ADMINISTER)
+        state = await self._card.update(package, version("msbot"))
+        words = said("MsBOT {version} is on the card: it runs from the next start on.", version=state.versions.current)
+        return ChangeResult(words=words)
+
+    async def card_back(self, session: Session) -> ChangeResult:
+        """Go back to the former version with the next start."""
+        self._need(session, Right.ADMINISTER)
+        await self._card.go_back()
+        return ChangeResult(words=said("The next start goes back to the former version."))
+
+    async def restart_computer(self, session: Session) -> ChangeResult:
+        """Start the computer again."""
+        self._need(session, Right.ADMINISTER)
+        await self._card.restart()
+        return ChangeResult(words=said("The computer starts again: about a minute."))
 
     # Helpers
 

@@ -350,8 +350,8 @@ def _is_own_origin(headers: Headers) -> bool:
 
 
 def _most_of(path: str, session: Session | None) -> int:
-    """Only who may restore a backup can send one, by the API or from the page."""
-    is_upload = path == "/api/restore" or (path.startswith(UPLOAD_PATH) and "/upload/" in path)
+    """Only who may restore a backup, or update a card, can send one, by the API or from the page."""
+    is_upload = path in ("/api/restore", "/api/card/update") or (path.startswith(UPLOAD_PATH) and "/upload/" in path)
     may_restore = session is not None and session.may(Right.ADMINISTER)
     return MAX_RESTORE if is_upload and may_restore else MAX_BODY
 

@@ -115,7 +115,7 @@ def make_forms(
                 error=language_of(request).translate(str(error)),
                 status=status,
             )
-        return signed_in(request, session, "/")
+        return signed_in(request, session, "/admin" if is_open else "/")  # there is more to set up
 
     @router.get("/enter")
     async def enter(request: Request, token: str = "", next: str = "/") -> Response:

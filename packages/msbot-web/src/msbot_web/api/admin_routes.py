@@ -13,6 +13,7 @@ from msbot_agent.text.sentence import said
 from msbot_web.api.dependencies import SignedIn
 from msbot_web.models.common_models import PROBLEMS
 from msbot_web.models.robot_models import ChangeResult, NewToken, NewUser, RelayTicket, TextBody, UserChange, UserLine
+from msbot_web.sd_card import CardChange, CardState
 from msbot_web.service import Service
 
 UserName = Annotated[str, Path(max_length=64, description="Name of the user")]
@@ -83,7 +84,37 @@ def make_admin_api(service: Service) -> APIRouter:
         """Go back to a backup: its octets are the body."""
         return await service.restore(session, request.stream())
 
+    _add_card(router, service)
     return router
+
+
+def _add_card(router: APIRouter, service: Service) -> None:
+    """The calls of a Raspberry Pi that runs from a card of MsBOT."""
+
+    @router.get("/card")
+    async def card(session: SignedIn) -> CardState:
+        """The card as it is."""
+        return await service.card(session)
+
+    @router.patch("/card")
+    async def change_card(session: SignedIn, change: CardChange) -> ChangeResult:
+        """Set the computer's name, its Wi-Fi, what is plugged onto its pins."""
+        return await service.change_card(session, change)
+
+    @router.post("/card/update")
+    async def update_card(session: SignedIn, request: Request) -> ChangeResult:
+        """Take in a version of MsBOT, whose Debian package is the body, for the next start."""
+        return await service.update_card(session, request.stream())
+
+    @router.post("/card/back")
+    async def card_back(session: SignedIn) -> ChangeResult:
+        """Go back to the former version with the next start."""
+        return await service.card_back(session)
+
+    @router.post("/card/restart")
+    async def restart(session: SignedIn) -> ChangeResult:
+        """Start the computer again."""
+        return await service.restart_computer(session)
 
 
 # `/metrics`: the robot's figures for Prometheus, for everybody who may see the robot.

@@ -16,6 +16,7 @@ from msbot_web.access.class_list import MOST_BYTES, NewAccount, new_accounts
 from msbot_web.access.sessions import Session
 from msbot_web.html import render
 from msbot_web.models.robot_models import ChangeResult, UserLine
+from msbot_web.pages.card_panel import CardPanel
 from msbot_web.pages.layout import page_frame
 from msbot_web.pages.page import Page
 from msbot_web.pages.page_elements import ask_first, file_button, heading, page_dialog, panel, set_html, show_dialog
@@ -45,6 +46,8 @@ def register(service: Service) -> None:
             _People(page, base_of(request))
             _tokens(page)
             _Backup(page)
+            if service.has_card(page.session):
+                CardPanel(page)
             _changes(page)
 
 

@@ -1,0 +1,273 @@
+"""Versions of MsBOT on the card: that of the image, which stays, and those that came by the page.
+
+An update replaces the programs of MsBOT, not those of Debian. Of the package only what lies under `usr/lib/msbot` is
+used; its scripts are not run, so it has the rights of the robot's service and no others. The first start with an update
+is a trial: before it, the database is copied; if the page is not healthy then, the former version and the copy are put
+back.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import subprocess
+import tarfile
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path, PurePosixPath
+from typing import IO
+
+from msbot_card.files import keep, read, sync_folder
+
+LARGEST = 300 << 20
+"""Octets of a package."""
+LARGEST_UNPACKED = 1200 << 20
+MOST_FILES = 60_000
+VERSION = re.compile(r"[0-9][0-9A-Za-z.+~-]{0,63}")
+PREFIX = PurePosixPath("usr/lib/msbot")
+LINKS = {"/usr/bin/python3", "python3", "lib"}
+"""Where links of an environment lead."""
+TRIES = 2
+"""Starts that a trial has."""
+
+
+class UpdateError(Exception):
+    """There is no update; the text says why.
+
+    Args:
+        words: the text.
+        reason: a word for it, by which the page finds a translation.
+    """
+
+    def __init__(self, words: str, reason: str = "package") -> None:
+        super().__init__(words)
+        self.reason = reason
+
+
+@dataclass(frozen=True, slots=True)
+class Versions:
+    """Which version runs. Empty: that of the image."""
+
+    current: str = ""
+    former: str = ""
+    trial: bool = False
+    """The current one has not been healthy yet."""
+    starts: int = 0
+    """Of the trial."""
+    back: bool = False
+    """The next start goes back to the former one."""
+    told: str = ""
+    """What happened last, for the page: `updated`, `fell back`, `went back`."""
+
+
+def check_head(fields: str) -> str:
+    """The version of a package, from what `dpkg-deb --field` says.
+
+    Raises:
+        UpdateError: it is not MsBOT for this card.
+    """
+    found = dict(line.split(": ", 1) for line in fields.splitlines() if ": " in line and not line.startswith(" "))
+    if found.get("Package") != "msbot" or found.get("Architecture") != "arm64":
+        raise UpdateError("an update is the package msbot for arm64, msbot_VERSION_arm64.deb")
+    version = found.get("Version", "")
+    if not VERSION.fullmatch(version):
+        raise UpdateError("the package has no version that makes sense")
+    return version
+
+
+def unpack(archive: IO[bytes], into: Path) -> None:
+    """Unpack the environment of MsBOT from a package's tar; nothing else of it, and nothing outside the folder.
+
+    Raises:
+        UpdateError: it is damaged, too large, or has what an environment has not.
+    """
+    size = count = 0
+    links: list[tuple[Path, str]] = []
+    try:
+        with tarfile.open(fileobj=archive, mode="r|") as tar:
+            for member in tar:
+                name = PurePosixPath(member.name)
+                if ".." in name.parts or name.is_absolute():
+                    raise UpdateError(f"the package has a file outside of itself: {member.name!r}")
+                if not name.is_relative_to(PREFIX):
+                    continue
+                target = into / name.relative_to(PREFIX)
+                size, count = size + member.size, count + 1
+                if size > LARGEST_UNPACKED or count > MOST_FILES:
+                    raise UpdateError("the package is too large for an update")
+                if member.isdir():
+                    target.mkdir(mode=0o755, exist_ok=True)
+                elif member.isreg():
+                    content = tar.extractfile(member)
+                    assert content is not None
+                    mode = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW
+                    with os.fdopen(os.open(target, mode, 0o755 if member.mode & 0o100 else 0o644), "wb") as file:
+                        shutil.copyfileobj(content, file)
+                elif member.issym() and member.linkname in LINKS:
+                    links.append((target, member.linkname))
+                else:
+                    raise UpdateError(f"the package has something strange: {member.name!r}")
+    except (tarfile.TarError, OSError) as error:
+        raise UpdateError(f"the package cannot be unpacked: {error}") from None
+    for target, link in links:  # at the end, so that nothing is written through one
+        target.symlink_to(link)
+
+
+@dataclass(frozen=True, slots=True)
+class Store:
+    """The versions on the data partition.
+
+    Args:
+        folder: where they are.
+        database: the robot's.
+        python: the folder that an environment has for the card's Python, e.g. `python3.11`.
+    """
+
+    folder: Path
+    database: Path
+    python: str
+
+    @property
+    def _file(self) -> Path:
+        return self.folder / "versions.json"
+
+    @property
+    def _copy(self) -> Path:
+        return self.folder / "database-before"
+
+    def place(self, version: str) -> Path:
+        """Where a version's environment is."""
+        return self.folder / "versions" / version
+
+    def versions(self) -> Versions:
+        """Which version runs; a file that cannot be read means that of the image."""
+        text = read(self._file, 4096)
+        if text is None:
+            return Versions()
+        try:
+            found = Versions(**json.loads(text))
+        except (ValueError, TypeError):
+            return Versions(told="fell back")
+        for version in (found.current, found.former):
+            if version and not (VERSION.fullmatch(version) and self.place(version).is_dir()):
+                return Versions(told="fell back")
+        return found
+
+    def _keep(self, versions: Versions) -> Versions:
+        keep(self._file, json.dumps(asdict(versions)).encode())
+        return versions
+
+    def take_in(self, package: Path, image: str) -> Versions:
+        """Unpack a package and have it run from the next start on.
+
+        Args:
+            package: its file, which is root's: nobody changes it meanwhile.
+            image: the version of the image.
+
+        Raises:
+            UpdateError: it is no update.
+        """
+        told = subprocess.run(
+            ["/usr/bin/dpkg-deb", "--field", str(package)], capture_output=True, text=True, check=False
+        )
+        if told.returncode:
+            raise UpdateError("the file is no Debian package")
+        version, now = check_head(told.stdout), self.versions()
+        if version == (now.current or image):
+            raise UpdateError(f"MsBOT {version} is what runs", "running")
+        if version == now.former:
+            raise UpdateError(f"MsBOT {version} is the former version: go back to it", "running")
+        if now.trial:
+            raise UpdateError("an update is on trial: wait until the page says that it is well", "trial")
+        growing, place = self.folder / "growing", self.place(version)
+        shutil.rmtree(growing, ignore_errors=True)
+        growing.mkdir(mode=0o755, parents=True)
+        with subprocess.Popen(["/usr/bin/dpkg-deb", "--fsys-tarfile", str(package)], stdout=subprocess.PIPE) as tar:
+            assert tar.stdout is not None
+            try:
+                unpack(tar.stdout, growing)
+            except UpdateError:
+                tar.kill()
+                raise
+        if tar.returncode:
+            raise UpdateError("the package is damaged")
+        if not (growing / "lib" / self.python / "site-packages").is_dir() or not (growing / "bin/msbot").is_file():
+            raise UpdateError(f"the package is for another Debian: this card has {self.python}")
+        os.sync()
+        shutil.rmtree(place, ignore_errors=True)
+        place.parent.mkdir(mode=0o755, exist_ok=True)
+        growing.rename(place)
+        sync_folder(place.parent)
+        made = self._keep(Versions(current=version, former=now.current, trial=True, told=""))
+        self._forget_others(made)
+        return made
+
+    def ask_back(self) -> Versions:
+        """Have the next start go back.
+
+        Raises:
+            UpdateError: there is no former version.
+        """
+        now = self.versions()
+        if not now.current:
+            raise UpdateError("there is no former version", "former")
+        return self._keep(replace(now, back=True))
+
+    def _go_back(self, now: Versions) -> Versions:
+        """Have the former version run from now on, with the database from before; the newer one is kept beside it."""
+        if self._copy.is_dir():
+            later = self.database.with_name(f"{self.database.name}.of-{now.current}")
+            for path in self._files(self.database):
+                path.replace(later.with_name(later.name + path.name[len(self.database.name) :]))
+            for path in sorted(self._copy.iterdir()):
+                shutil.copy2(path, self.database.parent)
+                _same_owner(self.database.parent, self.database.parent / path.name)
+            os.sync()
+        made = self._keep(Versions(current=now.former, told="fell back" if now.trial else "went back"))
+        shutil.rmtree(self._copy, ignore_errors=True)
+        return made
+
+    def begin(self) -> Versions:
+        """What runs in this start: called before the master."""
+        now = self.versions()
+        if now.back or (now.trial and now.starts >= TRIES):
+            return self._go_back(now)
+        if not now.trial:
+            return now
+        if now.starts == 0:
+            self._copy_database()
+        return self._keep(replace(now, starts=now.starts + 1))
+
+    def end_trial(self, healthy: bool) -> Versions:
+        """Note what came of the trial; the next start goes back if the page was not well."""
+        now = self.versions()
+        if not now.trial:
+            return now
+        return self._keep(replace(now, trial=False, starts=0, told="updated") if healthy else replace(now, back=True))
+
+    def _copy_database(self) -> None:
+        growing = self._copy.with_name(self._copy.name + ".growing")
+        shutil.rmtree(growing, ignore_errors=True)
+        growing.mkdir(mode=0o700)
+        for path in self._files(self.database):
+            shutil.copy2(path, growing)
+        os.sync()
+        shutil.rmtree(self._copy, ignore_errors=True)
+        growing.rename(self._copy)
+        sync_folder(self._copy.parent)
+
+    @staticmethod
+    def _files(database: Path) -> list[Path]:
+        """The database with its journals; nobody has it open."""
+        return [path for end in ("", "-wal", "-shm") if (path := Path(f"{database}{end}")).is_file()]
+
+    def _forget_others(self, used: Versions) -> None:
+        for place in (self.folder / "versions").iterdir():
+            if place.name not in (used.current, used.former):
+                shutil.rmtree(place, ignore_errors=True)
+
+
+def _same_owner(folder: Path, path: Path) -> None:
+    owner = folder.stat()
+    os.chown(path, owner.st_uid, owner.st_gid)
