@@ -246,8 +246,8 @@ class Native:
 
     def processor_s(self) -> float:
         """Processor time that it has had."""
-        fields = Path(f"/proc/{self._process.pid}/stat").read_text().rpartition(")")[2].split()
-        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+        # Linux: clock_getcpuclockid(3) makes the same number; /proc counts in steps of 10 ms.
+        return time.clock_gettime(~self._process.pid << 3 | 2)
 
     def end(self) -> None:
         """End it."""
