@@ -155,6 +155,8 @@ class Changes:
         self._programs: dict[str, set[str]] = {}
         """By name: the texts that it may have."""
         self._bitrates: set[int] = set()
+        self.refused = ""
+        """Why a change was refused: then the trial itself is wrong."""
 
     def make_until(self, over: threading.Event) -> None:
         """Make changes until nobody answers any more."""
@@ -168,7 +170,7 @@ class Changes:
                         self._robot.ask("POST", f"/api/users/{NAME}/tokens", {"words": name})
                         self._tokens.add(name)
                     case 1:
-                        name, text = f"program {number % 5}", f"# {number}\n"
+                        name, text = f"program-{number % 5}.py", f"# {number}\n"
                         self._programs[name] = self._programs.get(name, set()) | {text}
                         self._robot.ask("PUT", f"/api/programs/{name}", {"text": text})
                         self._programs[name] = {text}
@@ -178,6 +180,9 @@ class Changes:
                         self._robot.ask("PATCH", "/api/card", {"hardware": {"can_bitrate": rate}})
                         self._bitrates = {rate}
             except httpx.HTTPError:
+                return
+            except ImageError as error:
+                self.refused = str(error)
                 return
             self.acknowledged += 1
 
@@ -261,8 +266,10 @@ def try_cuts(robot: Robot, count: int, seed: int) -> list[str]:
         over = threading.Event()
         maker = threading.Thread(target=changes.make_until, args=(over,), daemon=True)
         maker.start()
-        wait_for(machine, lambda before=before: changes.acknowledged > before, "a change")  # type: ignore[misc]
+        wait_for(machine, lambda before=before: changes.acknowledged > before or changes.refused, "a change")  # type: ignore[misc]
         time.sleep(chance.uniform(0.5, 8.0))
+        if changes.refused:
+            raise ImageError(changes.refused)
         machine.cut_power()
         over.set()
         maker.join()
