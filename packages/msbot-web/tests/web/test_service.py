@@ -18,6 +18,7 @@ from msbot_web.access.accounts import NotAllowed, SignedOut
 from msbot_web.access.class_list import NewAccount
 from msbot_web.access.sessions import Session
 from msbot_web.models.robot_models import Robot, SlotCard
+from msbot_web.sd_card import CardChange
 from msbot_web.service import SHARED_S, Service
 from msbot_web.stored_data import no_stored_data
 from msbot_web.whole_class import CLASS_S
@@ -54,6 +55,11 @@ DEEDS: dict[str, tuple[Role, Deed]] = {
     "backup": (Role.ADMINISTRATOR, lambda do, who: do.backup(who)),
     "back up": (Role.ADMINISTRATOR, lambda do, who: do.repair(who, replace(FINDING, mending=doctor.Mending("backup")))),
     "restore": (Role.ADMINISTRATOR, lambda do, who: do.restore(who, chunks(b"no backup"))),
+    "card": (Role.ADMINISTRATOR, lambda do, who: do.card(who)),
+    "change of the card": (Role.ADMINISTRATOR, lambda do, who: do.change_card(who, CardChange(name="x"))),
+    "update of the card": (Role.ADMINISTRATOR, lambda do, who: do.update_card(who, chunks(b"no package"))),
+    "former version": (Role.ADMINISTRATOR, lambda do, who: do.card_back(who)),
+    "restart of the computer": (Role.ADMINISTRATOR, lambda do, who: do.restart_computer(who)),
 }
 LEAST = {
     "adopt": Role.TEACHER, "swap": Role.TEACHER, "release": Role.TEACHER, "spare": Role.TEACHER, "window": Role.TEACHER,
@@ -116,7 +122,7 @@ def test_every_deed_is_refused_to_lower_roles_and_to_who_is_signed_out(tmp_path:
 
 
 def test_all_deeds_are_in_the_table() -> None:
-    seeing = {"me", "may_undo", "robot", "values", "journal", "edits", "robots", "blueprint"}
+    seeing = {"me", "may_undo", "robot", "values", "journal", "edits", "robots", "blueprint", "has_card"}
     deeds = (
         {name for name in vars(Service) if not name.startswith("_")}
         - seeing
@@ -207,15 +213,15 @@ def test_one_look_serves_all_pages_until_somebody_does_something(tmp_path: Path)
 def test_a_robot_that_takes_long_to_work_out_is_shared_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     async def scene(rig: Rig) -> None:
         service, late, worked_out = rig.service, 0.0, 0
-        clock, slots = service._clock, service.views.slots
+        clock, slots = service._clock, service.views.slots_and_waiting
 
-        def slow_slots() -> list[SlotCard]:
+        def slow_slots() -> tuple[list[SlotCard], int]:
             nonlocal late, worked_out
             late, worked_out = late + 2 * SHARED_S, worked_out + 1
             return slots()
 
         monkeypatch.setattr(service, "_clock", lambda: clock() + late)
-        monkeypatch.setattr(service.views, "slots", slow_slots)
+        monkeypatch.setattr(service.views, "slots_and_waiting", slow_slots)
         for _ in range(4):  # the menu, the toasts and the grid of one page, and another page
             service.robot()
         assert worked_out == 1

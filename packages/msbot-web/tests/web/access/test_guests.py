@@ -16,10 +16,10 @@ from msbot_web.access.sign_in_throttle import SignInRefused
 from msbot_web.access.users import MemoryUsers
 from msbot_xrce.errors import ConfigError
 from tests.web.access.test_accounts import Clock, PlainHasher, user
-from tests.web.access.test_sign_in_pages import COOKIE, browser
+from tests.web.access.test_sign_in_pages import COOKIE, browser, is_open
 from tests.web.rig import Rig, show
 
-__all__ = ["browser"]
+__all__ = ["browser", "is_open"]
 
 
 class Lesson:
