@@ -247,7 +247,8 @@ class CanopenBus:
                 _log.debug("%s: %s", self._address, error)  # it is asked again, or found to be lost
             self._questions.tell(partial(self._has_read, device, values))
 
-        self._questions.post(read, urgent=True)
+        # After the orders that were given before: asked at once, the device would answer what it had before them.
+        self._orders.post(partial(self._questions.post, read, urgent=True), urgent=True)
 
     def write(self, device: CanopenDevice, entry: Entry, value: int) -> None:
         """See `NodeBus`."""
