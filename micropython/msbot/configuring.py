@@ -27,7 +27,7 @@ def configure(part, slot, bindings, settings, now):
     part.slot = slot
     safe = {}
     stop = None
-    watched = "publish" in part.__dict__  # by `range_watch`
+    watched = "ranges" in part.__dict__  # those of an earlier configuration
     part.settings = {}
     for name, text in settings:
         port, mark, field = name.partition(".safe.")

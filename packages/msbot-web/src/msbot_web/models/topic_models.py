@@ -21,12 +21,14 @@ class TopicInfo(Model):
     topic: str
     type: str = Field(description="Empty: a free topic, of any type.")
     free: bool
+    service: bool = Field(description="It carries requests and replies; publishers serve, subscribers call.")
     reliable: bool
     fields: list[tuple[str, str]] = Field(description="Name and kind of each.")
     types: dict[str, list[tuple[str, str]]] = Field(
         description="The fields of its type, of types inside, of request and reply, by type; of an enum its values."
     )
     units: dict[str, str]
+    type_units: dict[str, dict[str, str]] = Field(description="The same for each of its types, by type.")
     publishers: list[TopicEnd]
     subscribers: list[TopicEnd]
     published: int = Field(description="Messages since the master began.")
