@@ -177,7 +177,7 @@ def test_a_board_without_raw_paste_gets_its_program_by_plain_raw_mode(
 
 def test_what_can_go_wrong_at_a_board_is_one_sentence(open_desk: Callable[..., Page], compiled: Path) -> None:
     page = open_desk("?name=01_hello.py")
-    with plugged(page, lib=str(compiled), flash=120_000) as (_, cable):
+    with plugged(page, lib=str(compiled), flash=160_000) as (_, cable):
         choose(page)
         expect_told(page, "The board does not know its way to the master yet")
         page.locator("#ms-board-link").fill("serial:1")
