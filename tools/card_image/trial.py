@@ -152,14 +152,15 @@ class Changes:
         self._number = 0
         self.acknowledged = 0
         self._tokens: set[str] = set()
-        self._programs: dict[str, set[str]] = {}
-        """By name: the texts that it may have."""
-        self._bitrates: set[int] = set()
+        self._programs: dict[str, set[str | None]] = {}
+        """By name: the texts that it may have; None: there may be none."""
+        self._bitrates: set[object] = set()
         self.refused = ""
         """Why a change was refused: then the trial itself is wrong."""
 
     def make_until(self, over: threading.Event) -> None:
-        """Make changes until nobody answers any more."""
+        """Make changes until nobody answers any more; the last of them may have been made, or not."""
+        self._bitrates = {self._bitrate()}
         while not over.is_set():
             self._number += 1
             number = self._number
@@ -171,7 +172,7 @@ class Changes:
                         self._tokens.add(name)
                     case 1:
                         name, text = f"program-{number % 5}.py", f"# {number}\n"
-                        self._programs[name] = self._programs.get(name, set()) | {text}
+                        self._programs[name] = self._programs.get(name, {None}) | {text}
                         self._robot.ask("PUT", f"/api/programs/{name}", {"text": text})
                         self._programs[name] = {text}
                     case _:
@@ -193,18 +194,26 @@ class Changes:
         tokens = {token for person in people for token in person["tokens"]}  # type: ignore[index,attr-defined]
         lost += [f"the token {name!r}" for name in sorted(self._tokens - tokens)]
         for name, texts in self._programs.items():
-            found = str(self._robot.ask("GET", f"/api/programs/{name}")["text"])
+            found = self._program(name)
             if found not in texts:
-                lost.append(f"{name!r}: {found!r} in place of {sorted(texts)}")
+                lost.append(f"{name!r}: {found!r} in place of {texts}")
             self._programs[name] = {found}
-        rate = self._robot.ask("GET", "/api/card")["settings"]["can_bitrate"]  # type: ignore[index]
-        if self._bitrates and rate not in self._bitrates:
-            lost.append(f"the bit rate: {rate} in place of {sorted(self._bitrates)}")
+        if (rate := self._bitrate()) not in self._bitrates:
+            lost.append(f"the bit rate: {rate} in place of {self._bitrates}")
         for name in sorted(tokens):
             if str(name).startswith("cut "):  # a person has 50 at most
                 self._robot.ask("DELETE", f"/api/users/{NAME}/tokens/{name}")
         self._tokens.clear()
         return lost
+
+    def _bitrate(self) -> object:
+        return self._robot.ask("GET", "/api/card")["settings"]["can_bitrate"]  # type: ignore[index]
+
+    def _program(self, name: str) -> str | None:
+        answer = self._robot.client.get(f"/api/programs/{name}")
+        if answer.status_code == 404:
+            return None
+        return str(answer.raise_for_status().json()["text"])
 
 
 def copied(image: Path, folder: Path) -> Path:
