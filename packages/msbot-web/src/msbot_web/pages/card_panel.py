@@ -70,8 +70,9 @@ class CardPanel:
         page, say, settings = self._page, self._page.translate, state.settings
         if state.mistakes:
             ui.label(state.mistakes).classes("ms-banner warn").style("white-space:pre-line")
-        with ui.element("div").classes("row").style("align-items:flex-end"):
-            name = ui.input(say("Name in the network"), value=settings.name).props("dense outlined suffix=.local")
+        with ui.element("div").classes("row").style("margin-top:.4rem;align-items:center"):
+            name = ui.input(say("Name in the network"), value=settings.name).props("dense outlined maxlength=63")
+            ui.label(".local")
         with ui.element("div").classes("row").style("margin-top:.8rem;align-items:flex-end"):
             country = ui.input(say("Wi-Fi: country"), value=settings.country).props("dense outlined maxlength=2")
             country.style("width:8rem")
