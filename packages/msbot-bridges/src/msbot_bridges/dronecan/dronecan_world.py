@@ -39,6 +39,8 @@ MOST_SETTINGS = 60
 """Parameters read of one node; a description has no room for more."""
 WRITE_TIMES = 3
 """So often a parameter is written to a node that does not answer."""
+MOST_UNREADABLE = 1000
+"""Frames of one turn that may be damaged; the next turn goes on."""
 MOST_REMARKS = 100
 MODE_SOFTWARE_UPDATE = uavcan.protocol.NodeStatus().MODE_SOFTWARE_UPDATE
 _RAW_MOST = 8191
@@ -80,6 +82,8 @@ class DronecanWorld(World):
         self._driven: dict[int, NodeDevice] = {}
         self._written = dict[tuple[int, str], object]()
         """The newest value of each parameter, by the function that writes it."""
+        self.unreadable = 0
+        """Transfers that were left out."""
 
     async def run(self, host: WorldHost) -> None:
         """See `World`."""
@@ -115,13 +119,28 @@ class DronecanWorld(World):
                 self._thread.work()
                 if driver.wait(WAIT_S) or time.monotonic() >= spin_at:
                     spin_at = time.monotonic() + SPIN_S
-                    node.spin(0)
+                    self._spin(node)
                     self._finish()
             self._drive()
         except (DriverError, can.CanError) as error:
             raise LinkDown(f"{self._address}: {error}") from error
         finally:
             node.close()
+
+    def _spin(self, node: Any) -> None:  # noqa: ANN401
+        """Take in the frames that have come; what nobody can read is counted, and said once."""
+        for _ in range(MOST_UNREADABLE):
+            try:
+                node.spin(0)
+            except DriverError:
+                raise
+            except Exception as error:  # the library raises whatever it stumbles over in what others have sent
+                self.unreadable += 1
+                _log.debug("%s: a transfer cannot be read", self._address, exc_info=True)
+                if self.unreadable == 1:
+                    self._say(f"something on this bus cannot be read, and is left out: {error}")
+            else:
+                return
 
     def _monitored(self, event: Any) -> None:  # noqa: ANN401
         entry = event.entry
