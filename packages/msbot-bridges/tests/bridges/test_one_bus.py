@@ -20,7 +20,7 @@ from msbot_bridges.canbus import OnBus, check_one_bus, open_bus, robot_on_bus
 from msbot_bridges.cli.bridge_command import command as bridge_command
 from msbot_bridges.cli.bridge_runner import RUNNER
 from msbot_xrce.errors import ConfigError
-from tests.bridges.hosts import running
+from tests.bridges.hosts import Host, running
 
 pytest.importorskip("canopen")
 pytest.importorskip("dronecan")
@@ -160,6 +160,16 @@ def test_an_adapter_with_two_names_is_one(tmp_path: Path, monkeypatch: pytest.Mo
         RUNNER.check([BridgeTable("canopen", "slcan:/dev/by-id/acme")], ["can:slcan:/dev/ttyACM0"])
 
 
+UNREADABLE = "cannot be read"
+"""Two DroneCAN nodes of one id spoil each other's transfers, too."""
+
+
+async def said(host: Host) -> str:
+    while UNREADABLE in (words := await host.said.get()):
+        pass
+    return words
+
+
 @pytest.mark.parametrize("world", ["canopen", "dronecan"])
 async def test_who_is_on_the_wire_by_another_adapter_is_noticed(world: str) -> None:
     link = BridgeLink(f"msbot:{uuid4().hex[:12]}")
@@ -167,10 +177,11 @@ async def test_who_is_on_the_wire_by_another_adapter_is_noticed(world: str) -> N
     with open_bus(link.address) as bus:  # acknowledges: two nodes alone that send the same frames never do
         async with running(kind.open(link)) as one, running(kind.open(link)) as other:
             for host in (one, other):
-                assert "somebody else on this bus is node 12" in await host.said.get()
+                assert "somebody else on this bus is node 12" in await said(host)
             beacon = beacon_frame(Beacon(0, 7, 9), CanIds())
             message = can.Message(arbitration_id=beacon.can_id, data=beacon.data, is_extended_id=False)
             for _ in range(2):
                 await asyncio.to_thread(bus.send, message)
-            assert "parts of MsBOT are on this bus, too" in await one.said.get()
-        assert one.said.empty(), "it is said once"
+            assert "parts of MsBOT are on this bus, too" in await said(one)
+        while not one.said.empty():
+            assert UNREADABLE in one.said.get_nowait(), "the rest is said once"
