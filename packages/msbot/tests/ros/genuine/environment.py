@@ -79,8 +79,8 @@ def built(package: Path) -> Path:
             "Python3_EXECUTABLE": place / "bin/python",
             "PYTHON_EXECUTABLE": place / "bin/python",
         }
-        steps = ([*cmake, *(f"-D{name}={value}" for name, value in options.items())],
-                 [place / "bin/ninja", "-C", folder / "build", "-j2", "install"])  # fmt: skip
+        configured = [*cmake, *(f"-D{name}={value}" for name, value in options.items())]
+        steps = (configured, [place / "bin/ninja", "-C", folder / "build", "-j2", "install"])
         for step in steps:
             told = surroundings(AMENT_PREFIX_PATH=str(place), PATH=f"{place / 'bin'}:{os.environ['PATH']}")
             done = subprocess.run(list(map(str, step)), env=told, capture_output=True, text=True, check=False)
