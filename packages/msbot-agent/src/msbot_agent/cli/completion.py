@@ -12,7 +12,7 @@ VARIABLE = "_MSBOT_COMPLETE"
 @click.command("completion")
 @click.argument("shell", type=click.Choice(SHELLS))
 def command(shell: str) -> None:
-    """Print a script for SHELL; its first lines say what to do with it."""
+    """Print a completion script for SHELL; its first lines say how to install it."""
     from msbot_agent.cli import msbot
 
     kind = get_completion_class(shell)

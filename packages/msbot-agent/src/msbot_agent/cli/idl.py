@@ -14,25 +14,25 @@ _PACKAGE = click.option(
     "--package",
     default="",
     metavar="NAME",
-    help="The ROS package of a .msg or .srv file; else from its package.xml or folder.",
+    help="The ROS package of a .msg or .srv file; default: from its package.xml or folder.",
 )
 _INCLUDE = click.option(
     "--include",
     multiple=True,
     metavar="FOLDER",
     type=click.Path(exists=True, file_okay=False, path_type=Path),
-    help="A folder that holds ROS packages, or the files that an .idl file includes; may be repeated.",
+    help="A folder with ROS packages, or with the files that an .idl file includes; repeatable.",
 )
 _DEFINE = click.option(
     "--define",
     "-D",
     multiple=True,
     metavar="NAME",
-    help="What #ifdef takes as defined in an .idl file; may be repeated.",
+    help="Define NAME for #ifdef in an .idl file; repeatable.",
 )
 _ROS = click.option("--ros", is_flag=True, help="Type names as ROS 2 has them in DDS, for an .idl file.")
 _OUT = click.option(
-    "--out", "-o", metavar="PATH", type=click.Path(path_type=Path), help="Where to write; else it is printed."
+    "--out", "-o", metavar="PATH", type=click.Path(path_type=Path), help="File to write; default: standard output."
 )
 
 
@@ -51,7 +51,7 @@ def command() -> None:
 def to_python_command(
     file: Path, *, ros: bool, package: str, include: tuple[Path, ...], define: tuple[str, ...], out: Path | None
 ) -> None:
-    """Message classes for msbot programs."""
+    """Write message classes for MsBOT programs."""
     _put(
         to_python(read_definitions(file, package=package, include=include, is_ros=ros, defined=define), file.name), out
     )
@@ -67,7 +67,7 @@ def to_python_command(
 def to_idl_command(
     file: Path, *, ros: bool, package: str, include: tuple[Path, ...], define: tuple[str, ...], out: Path | None
 ) -> None:
-    """OMG IDL for other DDS tools (fastddsgen, idlc)."""
+    """Write OMG IDL for other DDS tools (fastddsgen, idlc)."""
     _put(to_idl(read_definitions(file, package=package, include=include, is_ros=ros, defined=define), file.name), out)
 
 
@@ -82,21 +82,21 @@ def to_idl_command(
     "-o",
     metavar="STEM",
     type=click.Path(path_type=Path),
-    help="Writes STEM.h and STEM.c; else beside you, named as FILE.",
+    help="Write STEM.h and STEM.c; default: in this folder, named as FILE.",
 )
 @click.option(
     "--text-bound",
     default=255,
     show_default=True,
     type=WholeRange(1, 65535),
-    help="Characters of a text without a bound.",
+    help="Bound of unbounded strings, in characters.",
 )
 @click.option(
     "--sequence-bound",
     default=64,
     show_default=True,
     type=WholeRange(1, 65535),
-    help="Elements of a sequence without a bound.",
+    help="Bound of unbounded sequences, in elements.",
 )
 def to_c_command(
     *,
@@ -109,7 +109,7 @@ def to_c_command(
     text_bound: int,
     sequence_bound: int,
 ) -> None:
-    """C for the Micro XRCE-DDS client: structs, and functions on Micro-CDR's API."""
+    """Write C for the Micro XRCE-DDS client: structs, and functions on Micro-CDR's API."""
     stem = out or Path(file.stem)
     definitions = read_definitions(file, package=package, include=include, is_ros=ros, defined=define)
     header, source = to_c(definitions, file.name, stem.name, text_bound=text_bound, sequence_bound=sequence_bound)

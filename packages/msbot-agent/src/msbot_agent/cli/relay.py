@@ -30,13 +30,13 @@ _CAN = CanSettings(codec=Codec(compress, decompress), is_whole=is_whole)
     default=lambda: platform.node() or "relay",
     show_default="the computer's name",
     metavar="NAME",
-    help="What the master calls this relay when it says where a part is.",
+    help="Name by which the master reports this relay.",
 )
 def command(parts: str, master: str, name: str) -> None:
     """Carry the parts on the link PARTS to the master at MASTER, until Ctrl-C.
 
-    For a computer that has the robot's bus while the master runs elsewhere: `msbot relay can:can0
-    udp:192.168.1.20:8888`. The parts stay who they are; the master says where each of them is.
+    For a computer at the robot's bus, while the master runs elsewhere: `msbot relay can:can0
+    udp:192.168.1.20:8888`. The parts keep their identity; the master reports where each of them is.
     """
     logging.basicConfig(level=logging.WARNING, handlers=[TerminalHandler()])
 

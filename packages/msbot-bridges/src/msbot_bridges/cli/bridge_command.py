@@ -30,18 +30,16 @@ if TYPE_CHECKING:
     default="udp:127.0.0.1:8888",
     show_default=True,
     envvar="MSBOT_LINK",
-    help="The way to the master; $MSBOT_LINK unless given.",
+    help="How to reach the master; $MSBOT_LINK sets it, too.",
 )
-@click.option(
-    "--option", "options", metavar="NAME=VALUE", multiple=True, help="Something about that world; several times."
-)
+@click.option("--option", "options", metavar="NAME=VALUE", multiple=True, help="An option of that world; repeatable.")
 @click.option(
     "--simulate",
     metavar="DEVICE",
     default="",
-    help="Be a simulated device there, instead of a bridge; --option as well.",
+    help="Simulate a device there instead of bridging; takes --option, too.",
 )
-@click.option("-q", "--quiet", is_flag=True, help="Say only what is wrong.")
+@click.option("-q", "--quiet", is_flag=True, help="Print only problems.")
 @click.option("--end-with-stdin", is_flag=True, hidden=True)
 @json_option
 def command(
@@ -57,8 +55,8 @@ def command(
 ) -> None:
     """Bring the devices of WORLD into a robot, until Ctrl-C; without WORLD, list what can be bridged.
 
-    Each device that is found becomes a part, described by what it declares. A robot that does not know it asks a
-    person: `msbot adopt`, or the page.
+    Each device that is found becomes a part, described by what it declares. In a robot that does not know it, a
+    person adopts it: `msbot adopt`, or on the page.
     """
     from msbot_bridges.bridge import worlds
 

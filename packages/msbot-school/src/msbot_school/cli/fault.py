@@ -37,10 +37,10 @@ def _kinds(_: click.Context, __: click.Parameter, incomplete: str) -> list[Compl
 
 @click.group("fault")
 def fault_command() -> None:
-    """Faults on purpose: plant one, see what is planted, end it.
+    """Plant faults in a running robot, list them, end them.
 
-    A fault ends by itself after a minute, or --for; STOP and a restart of the master end all. Cards and `msbot why` say
-    that it is planted, unless it is --hidden.
+    A fault ends after a minute, or --for; STOP and a restart of the master end all. Cards and `msbot why` show it,
+    unless it is --hidden.
     """
 
 
@@ -48,15 +48,13 @@ def fault_command() -> None:
 @click.argument("kind", shell_complete=_kinds)
 @click.argument("at", required=False, default="", metavar="[SLOT|PART]", shell_complete=completers.parts)
 @click.option(
-    "--amount", type=FiniteRange(), metavar="NUMBER", help="How strong: percent, ms, s; see `msbot fault kinds`."
+    "--amount", type=FiniteRange(), metavar="NUMBER", help="Its strength, in the unit that `msbot fault kinds` lists."
 )
-@click.option("--jitter", type=FiniteRange(), metavar="MS", help="delay: up to so many milliseconds more, by chance.")
+@click.option("--jitter", type=FiniteRange(), metavar="MS", help="delay: up to so many random milliseconds more.")
 @click.option("--port", default="", metavar="PORT", help="stuck, drift: only this port of the part.")
 @click.option("--number", default="", metavar="NUMBER", help="wrong-number: the part number of the wrong part.")
-@click.option("--after", type=FiniteRange(0, 3600), default=0.0, metavar="SECONDS", help="Not before that time.")
-@click.option(
-    "--for", "for_s", type=FiniteRange(0.1, 3600), metavar="SECONDS", help="How long it is there; 60 if left out."
-)
+@click.option("--after", type=FiniteRange(0, 3600), default=0.0, metavar="SECONDS", help="Begin after so many seconds.")
+@click.option("--for", "for_s", type=FiniteRange(0.1, 3600), metavar="SECONDS", help="How long it lasts; default: 60.")
 @click.option(
     "--when",
     default="",
@@ -64,8 +62,8 @@ def fault_command() -> None:
     help="Begin when this holds: 'fan is active', 'knob.level > 60', 'load > 40'.",
 )
 @click.option("--chance", type=FiniteRange(0, 1), metavar="P", help="Begin in each second with this probability.")
-@click.option("--seed", type=WholeRange(min=0), metavar="N", help="What chance decides is the same for the same N.")
-@click.option("--hidden", is_flag=True, help="Cards and `msbot why` do not tell it.")
+@click.option("--seed", type=WholeRange(min=0), metavar="N", help="Seed of the random choices.")
+@click.option("--hidden", is_flag=True, help="Do not show it on cards and in `msbot why`.")
 @robot_and_json_options
 def add(db: str | None, robot: str | None, *, for_s: float | None, **wish: object) -> None:
     """Plant a fault at the part in a slot, or in the whole robot."""
@@ -73,7 +71,7 @@ def add(db: str | None, robot: str | None, *, for_s: float | None, **wish: objec
 
 
 @fault_command.command("list")
-@click.option("--answers", is_flag=True, help="Also what a mission wants to be found; its report says who has looked.")
+@click.option("--answers", is_flag=True, help="Also the faults of a mission; its report says who has looked.")
 @json_option
 @robot_options
 def list_faults(db: str | None, robot: str | None, *, answers: bool, as_json: bool) -> None:
@@ -163,13 +161,13 @@ LONGEST_ANSWER = 1000
 
 @click.command("quiz")
 @click.option("--count", type=WholeRange(1, 1000), default=5, show_default=True, help="How many questions.")
-@click.option("--seed", type=WholeRange(), help="The same questions again: everybody in a class gets these.")
+@click.option("--seed", type=WholeRange(), help="Seed: the same questions for everybody in a class.")
 @json_option
 def quiz_command(*, count: int, seed: int | None, as_json: bool) -> None:
     """Ask questions about messages and frames, and explain each answer.
 
-    Status 1 unless all answers are right. With --json nothing is asked at the terminal: answers come as lines on
-    standard input, the result is an object.
+    Status 1 unless all answers are right. With --json, answers are read from standard input, a line each; the
+    result is an object.
     """
     from msbot_school.quiz import questions
 

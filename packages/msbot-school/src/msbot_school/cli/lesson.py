@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 @click.group("lesson")
 def command() -> None:
-    """Lessons of 45 minutes, with checks that tick by themselves while somebody works at the robot.
+    """Lessons with checks that are ticked while somebody works at the robot.
 
     `msbot demo --lesson NAME` runs a robot for one; the page Learn shows it. Teachers add their own: one Markdown file
     each, in a folder that --lessons names.
@@ -86,8 +86,8 @@ def check(path: Path, *, as_json: bool) -> None:
 def start(lesson: str, db: str | None, robot: str | None) -> None:
     """Set up the robot that runs here for a lesson, and begin.
 
-    Its slots and wires become those of the lesson, and simulated parts take the empty slots; `msbot lesson stop` puts
-    everything back. Where no robot runs: `msbot demo --lesson NAME`.
+    Its slots and wires become those of the lesson, and simulated parts take the empty slots; `msbot lesson stop`
+    restores everything. If no robot runs: `msbot demo --lesson NAME`.
     """
     say(db, robot, "start_lesson", {"lesson": lesson})
 

@@ -26,9 +26,9 @@ if TYPE_CHECKING:
 
 @click.group("mission")
 def command() -> None:
-    """Missions: something goes wrong, and a class is to find and mend it.
+    """Missions: faults in a running robot that a class finds and repairs.
 
-    Whatever ends a mission (its time, `stop`, STOP, the end of the robot) takes back all that it has done.
+    When a mission ends (time is over, `stop`, STOP, the robot ends), its faults end.
     """
 
 
@@ -69,7 +69,7 @@ def check(file: Path, *, as_json: bool) -> None:
 
 @command.command("start")
 @click.argument("mission", metavar="NAME|FILE")
-@click.option("--seed", type=WholeRange(0, 2**53), metavar="N", help="What chance decides is the same for it.")
+@click.option("--seed", type=WholeRange(0, 2**53), metavar="N", help="Seed of the random choices.")
 @robot_and_json_options
 def start(mission: str, db: str | None, robot: str | None, *, seed: int | None) -> None:
     """Begin a mission, by name or from a FILE.toml."""
@@ -165,10 +165,12 @@ def status(db: str | None, robot: str | None, *, as_json: bool) -> None:
 
 
 @command.command("report")
-@click.option("--number", type=WholeRange(min=1), metavar="N", help="Which mission; the latest if left out.")
-@click.option("--recording", type=click.Path(path_type=Path), metavar="FILE", help="Of a recording (.mcap).")
-@click.option("--html", type=click.Path(path_type=Path), metavar="FILE", help="Write it as a page that can be printed.")
-@click.option("--language", default="en", show_default=True, metavar="CODE", help="Of that page: en, de.")
+@click.option("--number", type=WholeRange(min=1), metavar="N", help="Number of the mission; default: the latest.")
+@click.option(
+    "--recording", type=click.Path(path_type=Path), metavar="FILE", help="Grade the mission in this recording (.mcap)."
+)
+@click.option("--html", type=click.Path(path_type=Path), metavar="FILE", help="Write it as a page for printing.")
+@click.option("--language", default="en", show_default=True, metavar="CODE", help="Language of that page: en, de.")
 @json_option
 @robot_options
 def report(

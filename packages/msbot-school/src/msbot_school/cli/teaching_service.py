@@ -20,7 +20,7 @@ lessons_option = click.option(
     multiple=True,
     type=click.Path(path_type=Path, file_okay=False),
     metavar="FOLDER",
-    help="A folder with more lessons (Markdown files), besides those that MsBOT brings; may be given several times.",
+    help="A folder with more lessons (Markdown files), besides MsBOT's own; repeatable.",
 )
 
 

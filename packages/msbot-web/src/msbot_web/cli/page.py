@@ -66,21 +66,23 @@ def page_options(command: _C) -> _C:
     """Add the options of the page to a command; `page_wishes` reads them."""
     path = click.Path(path_type=Path, dir_okay=False, exists=True)
     for option in (
-        click.option("--certificate-key", type=path, help="The certificate's private key (PEM file), if apart."),
+        click.option(
+            "--certificate-key", type=path, help="The certificate's private key (PEM), if in a file of its own."
+        ),
         click.option("--certificate", type=path, help="Serve the page by TLS with this certificate (PEM)."),
         click.option(
             "--page-name",
             "page_names",
             multiple=True,
             metavar="NAME",
-            help="Another host name by which browsers ask for the page; the computer's own always will do.",
+            help="Another host name of the page, besides the computer's own; repeatable.",
         ),
         click.option(
             "--trusted-proxy",
             "trusted_proxies",
             multiple=True,
             metavar="ADDRESS",
-            help="A reverse proxy (or a network of them) whose X-Forwarded- headers count for the page.",
+            help="A reverse proxy, or a network of them, whose X-Forwarded- headers count; repeatable.",
         ),
         click.option("--no-page", is_flag=True, help="Serve no web page."),
         click.option(
@@ -206,8 +208,7 @@ def announcer(
 announce_option = click.option(
     "--announce",
     metavar="CLASS",
-    help="Say in the network that this robot is there, for `msbot class find`; needs a "
-    "page that others can reach: --host.",
+    help="Announce this robot on the network, for `msbot class find`; needs --host.",
 )
 
 

@@ -39,12 +39,12 @@ role_option = click.option(
 stdin_option = click.option(
     "--password-stdin", "from_stdin", is_flag=True, help="Take the password from standard input instead of asking."
 )
-generate_option = click.option("--generate", is_flag=True, help="Make a password up and print it.")
+generate_option = click.option("--generate", is_flag=True, help="Generate a password and print it.")
 
 
 @click.group("user")
 def user_command() -> None:
-    """The people who may sign in on the page. A running master follows within seconds."""
+    """The people who may sign in on the page. A running master applies changes within seconds."""
 
 
 @user_command.command("list")
@@ -77,7 +77,7 @@ def list_users(db: str | None, *, as_json: bool) -> None:
     "path",
     metavar="FILE",
     type=click.Path(path_type=Path),
-    help="A class list (CSV): everybody in it is added; passwords it lacks are made up.",
+    help="A class list (CSV): everybody in it is added; missing passwords are generated.",
 )
 @click.option(
     "--tickets",
@@ -164,9 +164,9 @@ def new_token(name: str, purpose: str, db: str | None) -> None:
 @click.argument("relay")
 @db_option
 def new_ticket(name: str, relay: str, db: str | None) -> None:
-    """Print a token with which RELAY, a relay or an agent, brings parts as those of the teacher NAME.
+    """Print a token with which the parts of RELAY, a relay or an agent, join as those of the teacher NAME.
 
-    It opens nothing else. `msbot user revoke NAME RELAY` makes it worthless.
+    It gives no other access. `msbot user revoke NAME RELAY` revokes it.
     """
     with _accounts(db) as accounts:
         click.echo(run_to_end(accounts.new_ticket(name, relay, who=user_name())))
@@ -284,7 +284,7 @@ def pupils_command() -> None:
     "--from",
     "source",
     type=click.Path(path_type=Path),
-    help="The robot of one group; left out: a sample with a program, a distance sensor, a bumper, two motors, a lamp.",
+    help="The robot of one group; default: a sample with a program, a distance sensor, a bumper, two motors, a lamp.",
 )
 @library_option
 def robot(path: Path, groups: str, source: Path | None, folders: tuple[Path, ...]) -> None:
@@ -344,7 +344,7 @@ def go(db: str | None, robot: str | None) -> None:
 
 @pupils_command.command("take-over")
 @click.argument("pupil")
-@click.option("--run", is_flag=True, help="It is not held, but runs under the teacher's hands.")
+@click.option("--run", is_flag=True, help="Run it for the teacher instead of holding it.")
 @robot_and_json_options
 def take_over(pupil: str, db: str | None, robot: str | None, *, run: bool) -> None:
     """Take over the program of PUPIL and hold it until `hand-back`; --run runs it for the teacher."""
@@ -361,8 +361,8 @@ def hand_back(pupil: str, db: str | None, robot: str | None) -> None:
 
 @pupils_command.command("group")
 @click.argument("group")
-@click.option("--pupil", "pupils", multiple=True, metavar="NAME", help="A pupil of it; may be given several times.")
-@click.option("--slot", "slots", multiple=True, metavar="SLOT", help="A slot of its own; may be given several times.")
+@click.option("--pupil", "pupils", multiple=True, metavar="NAME", help="A pupil of it; repeatable.")
+@click.option("--slot", "slots", multiple=True, metavar="SLOT", help="A slot of its own; repeatable.")
 @robot_and_json_options
 def group(group: str, pupils: tuple[str, ...], slots: tuple[str, ...], db: str | None, robot: str | None) -> None:
     """Make or change a group of pupils with slots of its own; they leave their former groups."""
@@ -373,7 +373,7 @@ def group(group: str, pupils: tuple[str, ...], slots: tuple[str, ...], db: str |
 @click.argument("group")
 @robot_and_json_options
 def ungroup(group: str, db: str | None, robot: str | None) -> None:
-    """Remove a group; its slots are everybody's."""
+    """Remove a group; its slots are free for everybody."""
     say(db, robot, "remove_group", {"group": group})
 
 

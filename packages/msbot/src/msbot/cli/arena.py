@@ -18,7 +18,7 @@ from msbot_xrce.errors import ConfigError
 
 @click.group("arena")
 def command() -> None:
-    """Worlds for simulated robots: list, check and show them; stop and go on in that of the robot that runs here."""
+    """Worlds for simulated robots: list, check and show them; control that of the robot that runs here."""
 
 
 @command.command("list")
@@ -78,25 +78,25 @@ def status(db: str | None, robot: str | None, *, as_json: bool) -> None:
 
 
 @command.command("pause")
-@click.option("--off", is_flag=True, help="Let it go on.")
+@click.option("--off", is_flag=True, help="Continue.")
 @robot_and_json_options
 def pause(db: str | None, robot: str | None, *, off: bool) -> None:
-    """Stop the time of that world, not of the robot's programs; --off continues."""
+    """Pause the world of the robot that runs here, not its programs; --off continues."""
     say(db, robot, "pause_world", {"off": off})
 
 
 @command.command("step")
-@click.option("--steps", type=WholeRange(1, 500), default=1, help="How many; a fiftieth of a second each.")
+@click.option("--steps", type=WholeRange(1, 500), default=1, help="Number of steps, 1/50 s each.")
 @robot_and_json_options
 def step(db: str | None, robot: str | None, steps: int) -> None:
-    """Run that world for one step of 1/50 s, or --steps of them, then stop its time."""
+    """Run the world for one step of 1/50 s, or --steps of them, then pause it."""
     say(db, robot, "step_world", {"steps": steps})
 
 
 @command.command("reset")
 @robot_and_json_options
 def reset(db: str | None, robot: str | None) -> None:
-    """Put everything in that world back to its start."""
+    """Put everything in the world back to its start."""
     say(db, robot, "reset_world", {})
 
 
@@ -104,7 +104,7 @@ def reset(db: str | None, robot: str | None) -> None:
 @click.argument("speed", type=FiniteRange())
 @robot_and_json_options
 def speed(speed: float, db: str | None, robot: str | None) -> None:
-    """Set the speed of that world: 0.25, 0.5, 1, 2 or 4 times real time."""
+    """Set the speed of the world: 0.25, 0.5, 1, 2 or 4 times real time."""
     say(db, robot, "world_speed", {"speed": speed})
 
 
@@ -112,11 +112,14 @@ def speed(speed: float, db: str | None, robot: str | None) -> None:
 @click.argument("name", metavar="ROBOT")
 @click.argument("at", nargs=2, type=FiniteRange(), metavar="X Y")
 @click.option(
-    "--heading", type=FiniteRange(), metavar="DEGREES", help="From east, counter-clockwise; else as it looks now."
+    "--heading",
+    type=FiniteRange(),
+    metavar="DEGREES",
+    help="Its heading, counter-clockwise from east; default: unchanged.",
 )
 @robot_and_json_options
 def put(name: str, at: tuple[float, float], heading: float | None, db: str | None, robot: str | None) -> None:
-    """Move a robot of that world; X and Y in metres from the left and from below."""
+    """Move a robot of the world; X and Y in metres from the left and from below."""
     turned = {} if heading is None else {"heading": heading}
     say(db, robot, "put_robot", {"robot": name, "x": at[0], "y": at[1], **turned})
 

@@ -99,14 +99,14 @@ class _RegistryDatabase:
     multiple=True,
     metavar="SLOT",
     shell_complete=completers.slots,
-    help="Of this slot; may be given several times.",
+    help="Of this slot; repeatable.",
 )
 @click.option(
     "--state",
     "states",
     multiple=True,
     type=click.Choice([one.value for one in PartState]),
-    help="In this state; may be given several times.",
+    help="In this state; repeatable.",
 )
 @click.option(
     "--number",
@@ -114,7 +114,7 @@ class _RegistryDatabase:
     multiple=True,
     metavar="NUMBER",
     shell_complete=completers.seen_part_numbers,
-    help="With this part number; may be given several times.",
+    help="With this part number; repeatable.",
 )
 @click.option("-a", "--all", "want_all", is_flag=True, help="Also parts that are gone and belong to no slot.")
 @robot_options
@@ -286,8 +286,8 @@ def _row(look: RobotDatabase, robot: RobotRecord) -> dict[str, str | int | bool]
 def why_command(part: str, last: int, db: str | None, robot: str | None, *, as_json: bool) -> None:
     """Explain why PART (a name, slot, part number or UID) is in the robot, or is not.
 
-    Prints its latest changes of state, newest last, each with the rules that were tried and what came of them, and
-    its present state if the robot runs.
+    Prints its latest changes of state, newest last, each with the rules that were tried and their outcome, and its
+    present state if the robot runs.
     """
     master = running_master(db, robot)
     lines: list[str] = []

@@ -21,7 +21,7 @@ from msbot_xrce.errors import ConfigError
 
 @click.group("db")
 def command() -> None:
-    """Take care of the database: migrate it, copy it, bring a copy back, look for what is wrong in it."""
+    """Migrate, back up, restore and check a robot's database."""
 
 
 @command.command("migrate")
@@ -96,7 +96,7 @@ def _older(folder: Path, stem: str, keep: int) -> list[Path]:
 def restore(file: Path, db: str | None, *, yes: bool) -> None:
     """Replace the content of the database by a backup.
 
-    What it had is kept in a copy. No master may run a robot of it meanwhile.
+    The former content is kept in a copy. Stop the masters of its robots first.
     """
     from msbot.cli.database_place import DEFAULT_BLUEPRINT, database_beside
     from msbot.registry import without_password

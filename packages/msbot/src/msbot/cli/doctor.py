@@ -30,12 +30,12 @@ if TYPE_CHECKING:
     "--link",
     "addresses",
     multiple=True,
-    help="A link that the robot is to use, as for `msbot master`; may be given several times.",
+    help="A link that the robot will use, as for `msbot master`; repeatable.",
 )
 @robot_options
 @space_option
 @click.option("--only", metavar="CHECK,...", help="Only these checks, for example can,robot.")
-@click.option("-v", "--verbose", is_flag=True, help="Say also what is in order.")
+@click.option("-v", "--verbose", is_flag=True, help="Also list what is in order.")
 @click.option(
     "--report",
     "file",
@@ -57,8 +57,8 @@ def command(
 ) -> None:
     """Find what keeps a robot from working: installation, buses, network, database, the robot itself.
 
-    Says only what is not as it should be, why it matters and what mends it; status 1 when there is something to mend.
-    A master that runs here is examined without being named.
+    Reports problems only, with why they matter and how to mend them; status 1 if there is something to mend. It
+    finds a master that runs here by itself.
     """
     from msbot.doctor import examine
     from msbot_agent.link.can import CanSettings

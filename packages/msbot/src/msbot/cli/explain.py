@@ -42,10 +42,8 @@ _HEX = re.compile(r"(?:[0-9a-fA-F]{2}[\s:.-]?){4,}")
     show_default=True,
     help="UDP port of the agent, in captures of a network.",
 )
-@click.option("--fields", is_flag=True, help="In captures: every field of every message, too.")
-@click.option(
-    "--blueprint", type=click.Path(path_type=Path), help="The robot whose messages they are: its types have names then."
-)
+@click.option("--fields", is_flag=True, help="In captures: also every field of every message.")
+@click.option("--blueprint", type=click.Path(path_type=Path), help="The robot's blueprint, for the names of its types.")
 @library_option
 @click.option(
     "--wireshark",
@@ -67,7 +65,7 @@ def command(
     """Explain WHAT: bytes of a DDS-XRCE message in hexadecimal, CAN frames as candump writes them (103#C181000A), or
     a file with frames (candump) or packets (pcap, pcapng).
 
-    Words, fields with their octets, and for a frame its bits and what it costs on the wire.
+    Shows the meaning, the fields with their bytes, and for a frame its bits and its cost on the wire.
     """
     if wireshark is not None:
         _write(wireshark, dissector((agent_port,), RELAY))

@@ -91,15 +91,15 @@ def command() -> None:
 
 @command.command("new")
 @click.argument("part", shell_complete=completers.parts)
-@click.option("--uid", help="16 hexadecimal digits: whose key it is; else that of PART if it is known, else a new one.")
-@click.option("--name", default="", help="Local name of the part; its part number unless told otherwise.")
+@click.option("--uid", help="UID of the key, 16 hexadecimal digits; default: that of PART if known, else a new one.")
+@click.option("--name", default="", help="Local name of the part; default: its part number.")
 @click.option("--here", is_flag=True, help="The part runs on this computer: keep UID and key where it finds them.")
 @click.option("--no-qr", is_flag=True, help="Print no QR code.")
 @db_option
 def new(part: str, uid: str | None, name: str, db: str | None, *, here: bool, no_qr: bool) -> None:
     """Make a key for PART (a part number, or a part that the robot has seen) and print it with the UID.
 
-    A part that had a key gets another one; the old one is void. The key is shown this once.
+    It voids an earlier key of the part. The key is shown only once.
     """
     with open_registry(existing_database(db)) as registry:
         known = None if uid is not None else _known(registry, part)
@@ -133,8 +133,8 @@ def new(part: str, uid: str | None, name: str, db: str | None, *, here: bool, no
 def board(board: str, wired: tuple[str, ...], slot: str, db: str | None) -> None:
     """Give the parts that are wired to a generic BOARD the board's key.
 
-    BOARD is its UID, or its name or slot if the robot has seen it. Which parts: all that its slot says now (part_1 to
-    part_8), or only those that are WIRED: texts as in part_1, "HC-SR04 eye"; they may go on with the wires.
+    BOARD is its UID, or its name or slot if the robot has seen it. By default all parts that its slot names now
+    (part_1 to part_8); otherwise those in WIRED: texts as in part_1, "HC-SR04 eye"; the wires may follow.
     """
     if wired and slot:
         raise ConfigError("give either what is wired to the board, or --slot")
@@ -161,7 +161,7 @@ def board(board: str, wired: tuple[str, ...], slot: str, db: str | None) -> None
 
 
 @command.command("list")
-@click.option("--json", "as_json", is_flag=True, help="Print a JSON list instead of lines.")
+@click.option("--json", "as_json", is_flag=True, help="Print a JSON list instead of words.")
 @db_option
 def list_keys(db: str | None, *, as_json: bool) -> None:
     """List the parts that have a key, without the keys."""
@@ -195,7 +195,7 @@ def list_keys(db: str | None, *, as_json: bool) -> None:
 def remove(part: str, db: str | None) -> None:
     """Void the key of PART; a part that is in stays until its next claim.
 
-    A part that is in stays in until it claims again; `msbot block` puts it out at once.
+    `msbot block` removes the part at once.
     """
     with open_registry(existing_database(db)) as registry:
         known = _known(registry, part)

@@ -90,7 +90,7 @@ def show(number: str, picture: Path | None, folders: tuple[Path, ...], *, as_jso
 def check(paths: tuple[Path, ...], *, as_json: bool) -> None:
     """Check library files or folders; mistakes are reported with file, line and key.
 
-    Every mistake is told with file, line and key (exit status 2). What is right but could be better is told as a hint.
+    Exit status 2 if there are mistakes. Hints name what could be better.
     """
 
     with mistakes_told(as_json=as_json, hints=[]):
@@ -131,7 +131,7 @@ def add(what: str, folder: Path) -> None:
 
 @command.command("ros-package")
 @click.argument("folder", type=click.Path(path_type=Path))
-@click.option("--package", metavar="NAME", help="The name of the ROS package; else msbot_msgs.")
+@click.option("--package", metavar="NAME", help="Name of the ROS package; default: msbot_msgs.")
 @library_option
 def ros_package(folder: Path, package: str | None, folders: tuple[Path, ...]) -> None:
     """Write the message types and services of the library as a ROS 2 interface package.
@@ -158,7 +158,7 @@ def ros_package(folder: Path, package: str | None, folders: tuple[Path, ...]) ->
 def forget(number: str, db: str | None, robot: str | None) -> None:
     """Remove the adopted part type NUMBER from a running robot's library.
 
-    Its slots must be gone: `msbot slot remove SLOT`.
+    Remove its slots first: `msbot slot remove SLOT`.
     """
     from msbot.cli.change.robot_access import say
 

@@ -32,17 +32,17 @@ library_option = click.option(
     "folders",
     multiple=True,
     type=click.Path(path_type=Path),
-    help="A folder with more part types (TOML files), besides those that robot.toml names; may be given several times.",
+    help="A folder with more part types (TOML files), besides those that robot.toml names; repeatable.",
 )
 robot_option = click.option(
-    "--robot", metavar="NAME", shell_complete=completers.robots, help="Which robot, when the database has several."
+    "--robot", metavar="NAME", shell_complete=completers.robots, help="Name of the robot, if the database has several."
 )
 
 db_option = click.option(
     "--db",
     metavar="FILE",
-    help="The robot's database, a file or postgresql://...; default: the blueprint's name with .db, beside it; "
-    "where no blueprint is named: robot.db, or that of the only blueprint here that has one.",
+    help="The robot's database, a file or postgresql://...; default: the blueprint's name with .db, in its folder; "
+    "without a blueprint: robot.db in this folder, or that of the only blueprint here that has one.",
 )
 
 
@@ -79,7 +79,7 @@ link_option = click.option(
     default=DEFAULT_LINK,
     show_default=True,
     envvar="MSBOT_LINK",
-    help="The way to the master; $MSBOT_LINK unless given.",
+    help="How to reach the master; $MSBOT_LINK sets it, too.",
 )
 
 
@@ -101,7 +101,7 @@ stop_group_option = click.option(
     "--stop-group",
     type=StopGroupType(),
     metavar="NAME",
-    help=f"The robots of this STOP group, and no others; ${GROUP_VARIABLE} unless given.",
+    help=f"Only the robots of this STOP group; default: ${GROUP_VARIABLE}.",
 )
 
 
@@ -111,7 +111,7 @@ def robot_options(function: _C) -> _C:
         "--robot",
         metavar="NAME",
         shell_complete=completers.robots,
-        help="The robot's name, where several run or share a database.",
+        help="Name of the robot, if several run or share a database.",
     )
     return db_option(robot(function))
 

@@ -340,14 +340,17 @@ def shown(files: dict[str, str], folder: Path) -> Sequence[str]:
 KEEP = 14
 
 all_option = click.option(
-    "--system", "for_all", is_flag=True, help="A service of the computer, with its own user (sudo); else one of yours."
+    "--system",
+    "for_all",
+    is_flag=True,
+    help="A system service with a user of its own (needs sudo), instead of one of yours.",
 )
 blueprint_argument = click.argument("blueprint", type=click.Path(path_type=Path), default=DEFAULT_BLUEPRINT)
 
 
 @click.group("service")
 def command() -> None:
-    """Have a robot start with the computer (systemd), and its database backed up."""
+    """Start a robot with the computer (systemd), and back up its database."""
 
 
 @command.command("install")
@@ -358,13 +361,13 @@ def command() -> None:
     multiple=True,
     default=(DEFAULT_LINK,),
     show_default=True,
-    help="Where parts come in; may be given several times.",
+    help="Where parts connect; repeatable.",
 )
 @click.option("--db", metavar="FILE", help="The robot's database; default: beside the blueprint, ending .db.")
 @click.option("--host", help="Where the page is served; default: this computer only.")
 @click.option("--port", type=WholeRange(1, 65535), help="Port of the page; default 8080.")
 @click.option(
-    "--standby", is_flag=True, help="Take turns with a master on another computer; needs --db postgresql://..."
+    "--standby", is_flag=True, help="Share the robot with a master on another computer; needs --db postgresql://..."
 )
 @click.option(
     "--backup",
@@ -372,10 +375,12 @@ def command() -> None:
     default="daily",
     show_default=True,
     metavar="WHEN",
-    help="When to back up: daily, weekly, or any OnCalendar of systemd; never.",
+    help="When to back up: daily, weekly, never, or an OnCalendar expression of systemd.",
 )
-@click.option("--backups", type=click.Path(path_type=Path), help="Folder of the backups; `backups` beside robot.toml.")
-@click.option("--keep", type=WholeRange(1, 10_000), default=KEEP, show_default=True, help="Backups that are kept.")
+@click.option(
+    "--backups", type=click.Path(path_type=Path), help="Folder for the backups; default: `backups` beside robot.toml."
+)
+@click.option("--keep", type=WholeRange(1, 10_000), default=KEEP, show_default=True, help="How many backups to keep.")
 @all_option
 @click.option("--print", "only_print", is_flag=True, help="Print the unit files and install nothing.")
 def install(
@@ -394,7 +399,7 @@ def install(
 ) -> None:
     """Run the master of BLUEPRINT (robot.toml) as a service, now and whenever the computer starts.
 
-    Called again, it puts the new options in force. Where there is no systemd, the unit files are printed.
+    Run it again to change options. Without systemd, it prints the unit files.
     """
     wanted = _service(
         blueprint,

@@ -24,7 +24,7 @@ class Blocking:
         self._inventory = running.inventory
 
     async def block(self, part: str, reason: str, who: str) -> Outcome:
-        """Keep a part, or all parts of a number, out."""
+        """Keep out a part, or all parts of one part number."""
         kind, key, words = self._block_key(part)
         edit = await self._running.change(who, partial(undo.block, kind=kind, key=key, reason=reason))
         self._inventory.blocks_changed(self._running.now())
@@ -72,7 +72,7 @@ class StoredBlocking:
         self._stored = stored
 
     async def block(self, part: str, reason: str, who: str) -> Outcome:
-        """Keep a part, or all parts of a number, out."""
+        """Keep out a part, or all parts of one part number."""
         kind, key = self._block_key(part)
         return outcome_of(await self._stored.change(who, partial(undo.block, kind=kind, key=key, reason=reason)))
 

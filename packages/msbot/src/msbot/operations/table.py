@@ -40,13 +40,13 @@ def _group() -> Argument:
 
 _LIST = 20_000
 """Characters of the longest value: a list of 4,096 bytes as JSON."""
-_REASON_HELP = "Why; `msbot why` will say it."
+_REASON_HELP = "Why; shown by `msbot why`."
 
 _ROWS = (
     Operation(
-        "adopt", "Let a part into a slot, also one the library does not know.",
+        "adopt", "Put a part into a slot, even if the library does not know it.",
         (_part("A part that is in no slot."),
-         _slot("The slot it goes into; else the one empty slot that fits.", option="--slot", is_needed=False)),
+         _slot("The slot that it gets; default: the only empty slot that fits.", option="--slot", is_needed=False)),
         Right.ARRANGE, OperationScope.ANYWHERE, EditLog.UNDOABLE, "place", "POST /parts/{part}/adopt",
     ),
     Operation(
@@ -61,9 +61,9 @@ _ROWS = (
         "spare", "Let a part of another kind stand by for a slot.",
         (_slot("The slot."), Argument("part", is_needed=True, shown_as="PART", help="The part: another maker's, say."),
          Argument("agreed", ArgumentKind.FLAG, default=False, option="--agreed",
-                  help="You know what is lost: ports and settings that it has not.")),
+                  help="Accept the loss of the ports and settings that it lacks.")),
         Right.DESIGN, OperationScope.RUNNING, EditLog.LINE, "library", "POST /slots/{slot}/spare",
-        "Its number fits slots of that kind from then on. What would be lost is said first.",
+        "Its part number fits slots of that kind from then on. First lists what would be lost.",
     ),
     Operation(
         "release", "Take the part out of a slot.",
@@ -79,11 +79,12 @@ _ROWS = (
         "a new part.",
     ),
     Operation(
-        "simulate", "Let a simulated part stand in for that of a slot, or end that.",
+        "simulate", "Replace the part in a slot by a simulated one, or end that.",
         (_slot("The slot."),
-         Argument("end", ArgumentKind.FLAG, default=False, option="--end", help="End it: the slot is given back.")),
+         Argument("end", ArgumentKind.FLAG, default=False, option="--end",
+                  help="End it: the former part gets the slot back.")),
         Right.ARRANGE, OperationScope.RUNNING, EditLog.NOTHING, "", "POST /slots/{slot}/simulate",
-        "The part that holds the slot stands by meanwhile. Stand-ins end with the master.",
+        "The part that held the slot stands by meanwhile. Simulated parts end with the master.",
     ),
     Operation(
         "window", "Open the adoption window: let parts be adopted that the library would turn away.",
@@ -96,17 +97,17 @@ _ROWS = (
         (), Right.ARRANGE, OperationScope.RUNNING, EditLog.NOTHING, "", "DELETE /window",
     ),
     Operation(
-        "block", "Keep a part, or all parts of a number, out.",
+        "block", "Keep out a part, or all parts of one part number.",
         (_part("A name, slot or UID; or a part number, for all parts of that kind."),
          Argument("reason", default="", longest=1000, option="--reason", shown_as="TEXT", help=_REASON_HELP)),
         Right.ARRANGE, OperationScope.ANYWHERE, EditLog.UNDOABLE, "block", "POST /parts/{part}/block",
-        "PART is a name, slot or UID, or a part number for all parts of that kind; those that are in are put out.",
+        "PART is a name, slot or UID, or a part number for all parts of that kind; present ones leave the robot.",
     ),
     Operation(
         "unblock", "Let a blocked part in again.",
         (_part("What was blocked."),),
         Right.ARRANGE, OperationScope.ANYWHERE, EditLog.UNDOABLE, "block", "POST /parts/{part}/unblock",
-        "A part, or all parts of a number; they come back by themselves.",
+        "PART is one part, or a part number; unblocked parts come back by themselves.",
     ),
     Operation(
         "ignore", "Hide a part from the arrivals.",
@@ -122,7 +123,7 @@ _ROWS = (
         Right.SET, OperationScope.ANYWHERE, EditLog.UNDOABLE, "value", "PUT /slots/{slot}/values/{name}",
     ),
     Operation(
-        "reset", "Take back what was set by hand: blueprint or library hold again.",
+        "reset", "Reset to the value of the blueprint or library.",
         (_slot("The slot."), Argument("name", is_needed=True, help="Name of the parameter.")),
         Right.SET, OperationScope.ANYWHERE, EditLog.UNDOABLE, "value", "DELETE /slots/{slot}/values/{name}",
     ),
@@ -131,28 +132,28 @@ _ROWS = (
         (_slot("The slot."),), Right.SEE, OperationScope.ANYWHERE,
     ),
     Operation(
-        "bind", "Join ports by a topic.",
+        "bind", "Connect ports by a topic.",
         (_topic(),
          Argument("type", is_needed=True, parameter="type_name", option="--type", shown_as="TYPE",
-                  help="Message type of the topic, as HelloWorld."),
+                  help="Message type of the topic, such as HelloWorld."),
          Argument("from", parameter="source", option="--from", shown_as="SLOT.PORT", help="A port that publishes it."),
          Argument("to", ArgumentKind.TEXTS, default=(), parameter="targets", option="--to", shown_as="SLOT.PORT",
-                  help="A port that subscribes to it; may be given several times."),
+                  help="A port that subscribes to it; repeatable."),
          Argument("reliable", ArgumentKind.FLAG, default=True, option="--best-effort",
                   help="The newest sample matters more than each sample."),
          Argument("move", ArgumentKind.FLAG, default=False, option="--move",
-                  help="Take the subscribing ports off the topics they hear so far.")),
+                  help="First disconnect the subscribing ports from their present topics.")),
         Right.DESIGN, OperationScope.ANYWHERE, EditLog.UNDOABLE, "bind", "POST /topics/{topic}/bind",
-        "They are joined besides those that TOPIC joins already; the parts follow at once.",
+        "They are added to those that TOPIC connects already; the parts follow at once.",
     ),
     Operation(
-        "unbind", "Take a port off a topic.",
+        "unbind", "Disconnect a port from a topic.",
         (_topic(), Argument("port", shown_as="[SLOT.PORT]", help="The port; left out: all of them.")),
         Right.DESIGN, OperationScope.ANYWHERE, EditLog.UNDOABLE, "bind", "POST /topics/{topic}/unbind",
-        "Without SLOT.PORT all its ports; the parts follow at once.",
+        "Without SLOT.PORT, all its ports; the parts follow at once.",
     ),
     Operation(
-        "apply", "Put a changed blueprint into force.",
+        "apply", "Apply a changed blueprint.",
         (Argument("path", is_needed=True, longest=4096, help="The blueprint's file."),
          Argument("folders", ArgumentKind.TEXTS, default=(), longest=4096, help="Folders with more part types.")),
         Right.DESIGN, OperationScope.RUNNING, EditLog.UNDOABLE, "apply",
@@ -182,9 +183,10 @@ _ROWS = (
                   help="The values of its message in their order, or FIELD=VALUE."),
          Argument("seconds", ArgumentKind.NUMBER, default=5.0, least=0.1, most=3600.0, option="--seconds",
                   shown_as="SECONDS",
-                  help="How long it is held; 5 if left out.")),
+                  help="For how long; default: 5.")),
         Right.OPERATE, OperationScope.RUNNING, EditLog.LINE, "hand", "POST /ports/{port}/publish",
-        "Its wire is not heard meanwhile. Afterwards the port gets its safe value and follows its wire again.",
+        "Meanwhile messages from its wire are ignored. Afterwards the port gets its safe value, then follows its wire "
+        "again.",
     ),
     Operation(
         "let_go", "Stop driving a port by hand.",
@@ -226,12 +228,12 @@ _ROWS = (
                   help="The values of the request in their order, or FIELD=VALUE."),
          Argument("seconds", ArgumentKind.NUMBER, default=2.0, least=0.1, most=60.0, option="--seconds",
                   shown_as="SECONDS",
-                  help="How long it waits for the reply; 2 if left out.")),
+                  help="How long to wait for the reply; default: 2.")),
         Right.OPERATE, OperationScope.RUNNING, EditLog.NOTHING, "", "POST /ports/{port}/call",
         "Without a reply, one sentence says why, and the exit status is not 0.",
     ),
     Operation(
-        "undo", "Take a change back, or show what was changed.",
+        "undo", "Undo a change, or list changes.",
         (Argument("edit", ArgumentKind.WHOLE, least=1, most=2**53, shown_as="[NUMBER]",
                   help="Number of the change; left out: the newest that was not taken back."),),
         Right.SET, OperationScope.ANYWHERE, EditLog.CHANGE, "undo", "POST /undo",
@@ -255,16 +257,16 @@ _ROWS = (
     ),
     Operation("stop_report", "Who said STOP, which parts have confirmed it, and which have not."),
     Operation(
-        "identify", "Have a part show itself: blink, beep.",
+        "identify", "Make a part blink or beep, to show which one it is.",
         (_part("The part."),),
         Right.OPERATE, OperationScope.RUNNING, EditLog.NOTHING, "", "POST /parts/{part}/identify",
-        "It shows itself to the people in the room: it blinks, beeps, or does whatever its program can.",
+        "What it does depends on its program.",
     ),
     Operation(
         "record", "Record what the robot does in a file of its own, in addition to the ring.",
         (Argument("file", is_needed=True, longest=4096, help="The file with its whole path."),
          Argument("ros2", ArgumentKind.FLAG, default=False, option="--ros2",
-                  help="As a bag: only what ROS 2 can read, as `ros2 bag` takes it.")),
+                  help="As a bag: only what ROS 2 can read, for `ros2 bag`.")),
         Right.ARRANGE,
     ),
     Operation("end_record", "End the recording that `record` began.", (), Right.ARRANGE),
@@ -277,22 +279,22 @@ _ROWS = (
          Argument("amount", ArgumentKind.NUMBER, option="--amount", shown_as="NUMBER",
                   help="How strong it is, in the unit of its kind."),
          Argument("jitter", ArgumentKind.NUMBER, parameter="jitter_ms", least=0.0, most=10_000.0, option="--jitter",
-                  shown_as="MS", help="delay: up to so many milliseconds more, by chance."),
+                  shown_as="MS", help="delay: up to so many random milliseconds more."),
          Argument("port", default="", option="--port", shown_as="PORT", help="stuck, drift: only this port."),
          Argument("number", default="", option="--number", shown_as="NUMBER",
                   help="wrong-number: the part number that the wrong part shows."),
          Argument("after", ArgumentKind.NUMBER, parameter="after_s", default=0.0, least=0.0, most=3600.0,
-                  option="--after", shown_as="SECONDS", help="It does not begin before that time."),
+                  option="--after", shown_as="SECONDS", help="It begins after so many seconds."),
          Argument("for", ArgumentKind.NUMBER, parameter="for_s", least=0.1, most=3600.0, option="--for",
-                  shown_as="SECONDS", help="How long it is there; 60 if left out."),
+                  shown_as="SECONDS", help="How long it lasts; default: 60."),
          Argument("when", default="", option="--when", shown_as="CONDITION",
                   help="It begins when this holds: 'fan is active', 'knob.level > 60', 'load > 40'."),
          Argument("chance", ArgumentKind.NUMBER, least=0.0, most=1.0, option="--chance", shown_as="P",
                   help="It begins in each second with this probability, 0 to 1."),
          Argument("seed", ArgumentKind.WHOLE, least=0, most=2**53, option="--seed", shown_as="N",
-                  help="What chance decides is the same for the same number."),
+                  help="Seed of the random choices."),
          Argument("hidden", ArgumentKind.FLAG, default=False, option="--hidden",
-                  help="Cards and `msbot why` do not tell it.")),
+                  help="Do not show it on cards and in `msbot why`.")),
         Right.ARRANGE, OperationScope.RUNNING, EditLog.LINE, "fault", "POST /faults",
     ),
     Operation(
@@ -308,10 +310,10 @@ _ROWS = (
         Right.ARRANGE,
     ),
     Operation(
-        "start_mission", "Begin a mission: something goes wrong, and a class is to find it.",
+        "start_mission", "Begin a mission: faults in the robot that a class finds and repairs.",
         (Argument("mission", is_needed=True, longest=1000, help="A ready mission, or the name of its file."),
          Argument("toml", default="", longest=30_000, help="The text of that file; left out: a ready mission."),
-         Argument("seed", ArgumentKind.WHOLE, least=0, most=2**53, help="What chance decides is the same for it.")),
+         Argument("seed", ArgumentKind.WHOLE, least=0, most=2**53, help="Seed of the random choices.")),
         Right.ARRANGE, OperationScope.RUNNING, EditLog.LINE, "mission", "POST /mission/start",
     ),
     Operation(
@@ -366,7 +368,7 @@ _ROWS = (
     Operation("lesson", "The lesson that runs, what has ticked, and a hint for who is stuck."),
     Operation(
         "pause_world", "Stop the time of the world that simulated robots drive in.",
-        (Argument("off", ArgumentKind.FLAG, default=False, option="--off", help="Let it go on."),),
+        (Argument("off", ArgumentKind.FLAG, default=False, option="--off", help="Continue."),),
         Right.OPERATE, OperationScope.RUNNING, EditLog.NOTHING, "", "POST /world/pause",
     ),
     Operation(
@@ -408,7 +410,7 @@ _ROWS = (
         "take_over", "Take the program of a pupil: it is held until it is handed back.",
         (_pupil(),
          Argument("run", ArgumentKind.FLAG, default=False, option="--run",
-                  help="It is not held, but runs under the teacher's hands.")),
+                  help="Run it for the teacher instead of holding it.")),
         Right.ARRANGE, OperationScope.RUNNING, EditLog.LINE, "class", "POST /class/pupils/{pupil}/take_over",
     ),
     Operation(

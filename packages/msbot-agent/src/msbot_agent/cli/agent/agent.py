@@ -38,8 +38,8 @@ Command = Callable[..., None]
 def command() -> None:
     """Run a DDS-XRCE agent that serves every client: micro-ROS boards, eProsima programs, MsBOT parts.
 
-    Nothing is gated; what the clients create lives in this process' memory, or with --space dds in DDS. With --master
-    its clients are parts of a robot whose master runs elsewhere, and that decides who is let in. The other options are
+    Every client is let in; what it creates is in this process's memory, or with --space dds in DDS. With --master,
+    clients are parts of a robot whose master runs elsewhere and decides who is let in. The other options are
     those of MicroXRCEAgent.
     """
 
@@ -51,8 +51,8 @@ def common_options(function: Command) -> Command:
         "-m",
         "--middleware",
         type=click.Choice(["ced", "dds", "rtps"]),
-        help="ced: any reference or XML is a topic's name. dds and rtps are taken for the sake of start "
-        "scripts; where samples are is said with --space.",
+        help="ced: any reference or XML is taken as the topic's name. dds and rtps are accepted from start scripts "
+        "and have no effect: --space says where topics are.",
     )
     @space_option
     @log_options
@@ -71,15 +71,15 @@ def common_options(function: Command) -> Command:
         flag_value=DEFAULT_VERBOSE,
         default=DEFAULT_VERBOSE,
         show_default=True,
-        help="0 says nothing, 2 errors, 4 who comes and goes, 5 what each creates, deletes and reads as "
-        "well, 6 every packet.",
+        help="0 nothing, 2 errors, 4 clients that come and go, 5 also what each creates, deletes and reads, 6 every "
+        "packet.",
     )
     @click.option(
         "--dead-after",
         metavar="SECONDS",
         type=FiniteRange(min=0.1),
-        help="Silence after which a client is asked three times, and then removed; without it silent "
-        "clients stay, unless they ask for it themselves (uxr_hl).",
+        help="Silence after which a client is probed three times, then removed; by default silent clients stay, "
+        "unless they set it themselves (uxr_hl).",
     )
     @click.option(
         "--max-objects",
@@ -134,7 +134,7 @@ def network_command(name: str, kind: type[UdpServerLink] | type[TcpServerLink], 
         type=WholeRange(1, 65535),
         is_flag=False,
         flag_value=DISCOVERY_PORT,
-        help="Answer clients that look for an agent by multicast; on 7400 unless told otherwise.",
+        help="Answer clients that look for an agent by multicast; default port: 7400.",
     )
     @common_options
     def run(*, port: int, host: str, discovery: int | None, wishes: ServingOptions) -> None:
@@ -191,9 +191,9 @@ def port_options(function: Command) -> Command:
         "list_file",
         metavar="FILE",
         type=click.Path(path_type=Path),
-        help="A file with the ports' names, one in a line, in place of --dev.",
+        help="A file with the ports' names, one per line, instead of --dev.",
     )
-    @click.option("-fc", "--flow-control", is_flag=True, help="Use the wires RTS and CTS.")
+    @click.option("-fc", "--flow-control", is_flag=True, help="Use RTS/CTS flow control.")
     @baudrate_option
     @wraps(function)
     def wrapped(
@@ -269,7 +269,7 @@ def id_option(function: Command) -> Command:
         "--id",
         "can_id",
         metavar="ID",
-        help="Taken for the sake of start scripts; each client is answered with its own.",
+        help="Accepted from start scripts, without effect: each client is answered with its own.",
     )
     @wraps(function)
     def wrapped(*, can_id: str | None, **others: object) -> None:  # noqa: ARG001 - nothing depends on it

@@ -21,7 +21,8 @@ from msbot_xrce.counting import amount
 def command(*, as_json: bool) -> None:
     """List the clients of every agent and master that you run on this computer.
 
-    For each: its key and session, where it is, its objects, its streams, what it sent and got, and what was dropped.
+    For each: its key and session, where it is, its objects, its streams, what it sent and received, and what was
+    dropped.
     """
 
     logging.basicConfig(level=logging.WARNING, handlers=[TerminalHandler("%(message)s")])

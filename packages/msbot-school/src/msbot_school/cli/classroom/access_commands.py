@@ -29,7 +29,7 @@ PATIENCE_S = 10.0
 def join(address: str, fingerprint: str | None) -> None:
     """Add the robot whose page is at ADDRESS to the class, with an API token of that page.
 
-    The token is asked for, or read from $MSBOT_TOKEN. What its person may do there, the class may do.
+    The token is asked for, or read from $MSBOT_TOKEN. The class gets the rights of its person.
     """
     where = page_address(address)
     book = RemoteAccessFile()
@@ -151,7 +151,7 @@ SECONDS = 3.0
 def find(class_name: str, seconds: float, *, as_json: bool) -> None:
     """Find the robots in the network that run with --announce, of all classes or of CLASS.
 
-    To be found gives no right: a robot is stopped and changed by an access, `msbot class join`.
+    An announcement gives no rights: to stop or change a robot, you need access (`msbot class join`).
     """
     from msbot_school.classroom import mdns  # the other commands of the class do not need it
 

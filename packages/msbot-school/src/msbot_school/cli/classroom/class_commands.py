@@ -32,10 +32,10 @@ MOST_CHANGES = 6
 
 @click.group("class")
 def command() -> None:
-    """All robots of a class: of the masters on this computer, of a database, and those elsewhere with an access.
+    """All robots of a class: on this computer, of a database, and elsewhere, if you have access.
 
-    The database is that of --db, for example a PostgreSQL server that the whole school shares, or robot.db here. An
-    access is an API token of a robot's page on another computer, see `msbot class join`.
+    The database is that of --db, for example a PostgreSQL server that the whole school shares, or robot.db here.
+    Access is an API token of a robot's page on another computer: `msbot class join`.
     """
 
 
@@ -121,7 +121,7 @@ def _as_dict(robot: ClassRobot) -> dict[str, object]:
 def stop(reason: str, db: str | None, *, as_json: bool, stop_group: str | None) -> None:
     """STOP every robot of the class at once, without asking, and report who confirmed.
 
-    Those whose masters run on this computer, and those elsewhere with an access; with --stop-group or
+    Those whose masters run on this computer, and those elsewhere to which you have access; with --stop-group or
     $MSBOT_STOP_GROUP, those in that group. HOME and XDG folders do not keep robots apart. A robot that does not answer
     is named, and so is one elsewhere that is not in the group.
     """
@@ -261,7 +261,7 @@ def _confirmed(answer: dict[str, object]) -> str:
     "words",
     multiple=True,
     metavar="WORD",
-    help="Only robots in whose line of `msbot class list` this is found; may be given several times.",
+    help="Only robots whose line in `msbot class list` contains WORD; repeatable.",
 )
 @library_option
 @db_option
@@ -269,8 +269,8 @@ def _confirmed(answer: dict[str, object]) -> str:
 def roll_out(blueprint: Path, words: tuple[str, ...], folders: tuple[Path, ...], db: str | None, *, yes: bool) -> None:
     """Apply BLUEPRINT to every robot of the class; each keeps its own profile (name, serial number, version ...).
 
-    What would change is shown first. A robot that cannot be changed holds up no other one; `msbot class undo` takes
-    back what was done.
+    What would change is shown first. A robot that cannot be changed does not hold up the others; `msbot class undo`
+    reverts the changes.
     """
     from msbot.cli.blueprint.changes import agreed
     from msbot.config import open_blueprint

@@ -127,12 +127,13 @@ class _Options:
     help="Bit rate of the data phase of CAN FD, bit/s.",
 )
 @click.option("--no-compression", is_flag=True, help="Send DDS-XRCE headers on CAN as they are.")
-@click.option("--seconds", type=FiniteRange(min=0.1), help="End by itself after that time.")
+@click.option("--seconds", type=FiniteRange(min=0.1), help="End after this time.")
 @click.option(
     "--script",
     type=ScriptType(),
     default="",
-    help='Pull and plug parts on time: "3:unplug AA;12:plug AA;15:undo"; a step waits up to 10 s for its part.',
+    help='Unplug and plug in parts at given times: "3:unplug AA;12:plug AA;15:undo"; a step waits up to 10 s '
+    "for its part.",
 )
 @click.option("--json", "as_json_object", is_flag=True, help="Print one JSON object at the end and nothing else.")
 @click.option(
@@ -141,21 +142,21 @@ class _Options:
     help="Write every frame on the CAN bus to this file, as candump does.",
 )
 @click.option("--bus", metavar="NAME", help="Let other programs join the CAN bus by this name (sim:NAME).")
-@click.option("--seed", type=WholeRange(), help="Draw the same random values every time.")
+@click.option("--seed", type=WholeRange(), help="Seed of all random values.")
 @click.option(
-    "--db", type=click.Path(path_type=Path), help="Keep the robot's database in this file (else it is forgotten)."
+    "--db", type=click.Path(path_type=Path), help="Keep the robot's database in this file; without it, nothing is kept."
 )
 @click.option(
     "--robot",
     "sample",
     type=click.Choice([*SAMPLES, *extensions().names("samples")]),
-    help="The sample: a rover of ten parts to play with, the thesis' ring of three, a buggy that drives, or what "
-    "extensions bring; rover, and with --world buggy, unless given.",
+    help="The sample robot: a rover of ten parts, the thesis' ring of three, a buggy that drives, or one of an "
+    "extension; default: rover, with --world buggy.",
 )
 @world_options
 @click.option("--go-on", type=click.Path(path_type=Path, file_okay=False), hidden=True)
-@click.option("--spare", is_flag=True, help="One part more than slots, DD like BB: it takes over when BB is lost.")
-@click.option("--lesson", metavar="NAME", help="The robot of a lesson, which begins at once; `msbot lesson list`.")
+@click.option("--spare", is_flag=True, help="Add a spare, DD, which takes over when BB is lost.")
+@click.option("--lesson", metavar="NAME", help="Run the robot of this lesson (`msbot lesson list`) and begin it.")
 @lessons_option
 @space_option
 @rec_option
@@ -198,9 +199,8 @@ def command(
 ) -> None:
     """Run a robot on this machine, everything simulated: a rover of ten parts, or the thesis' ring of three.
 
-    The page is at the address that is printed. In a terminal the key beside a part pulls it out and plugs it in
-    again, q ends the robot. With --json nothing but the object is printed, and there is no page, unless --port asks
-    for one.
+    The page's address is printed. In a terminal, the key beside a part unplugs it and plugs it in again; q ends the
+    robot. With --json only the object is printed, and there is no page unless --port is given.
     """
     before = None if go_on is None else read_handover(go_on)
     if before is not None:

@@ -92,8 +92,8 @@ def _words(
 def apply_command(blueprint: Path, folders: tuple[Path, ...], db: str | None, *, yes: bool, as_json: bool) -> None:
     """Show what BLUEPRINT (robot.toml) would change, ask, and apply it.
 
-    While a master runs the robot it is changed through it, and holds at once. What was changed by hand stays;
-    `msbot undo` takes everything back.
+    If a master runs the robot, the change is in force at once. What was changed by hand stays; `msbot undo` reverts
+    the change.
     """
     if as_json and not yes:
         raise click.UsageError("--json does not ask: add --yes")
@@ -172,7 +172,7 @@ def slot_command() -> None:
 @click.argument("name")
 @click.argument("part", shell_complete=completers.part_numbers)
 @click.option("--description", default="", help="What it is for, in words.")
-@click.option("--local-name", default="", metavar="LOCAL", help="Only the part that shows this local name asks for it.")
+@click.option("--local-name", default="", metavar="LOCAL", help="Local name of the part that the slot is meant for.")
 @click.option(
     "--blueprint",
     type=click.Path(path_type=Path),
@@ -196,8 +196,8 @@ def add(
 ) -> None:
     """Append a slot NAME for part number PART to robot.toml and apply it at once.
 
-    It is written to the end of robot.toml, whose other lines stay as they are, and put into force, in a running robot
-    at once: a part of that number that waits gets it.
+    The other lines of robot.toml stay as they are. In a running robot, a waiting part of that number gets the slot
+    at once.
     """
     _, library = open_blueprint(blueprint, *folders)
     before = blueprint.read_bytes()

@@ -28,7 +28,7 @@ from msbot_xrce.errors import ConfigError
     "links",
     metavar="ADDRESS",
     multiple=True,
-    help="Where parts will come in (msbot master --link): whether bridges can share that bus.",
+    help="Where parts will connect (as for msbot master): also check whether bridges can share that bus.",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object: problems and hints.")
 def check_command(blueprint: Path, folders: tuple[Path, ...], links: tuple[str, ...], *, as_json: bool) -> None:
@@ -108,13 +108,13 @@ def init_command(path: Path) -> None:
 
 @click.command("export")
 @click.argument("file", type=click.Path(path_type=Path), required=False)
-@click.option("--without-hand", is_flag=True, help="As it was applied last, without what was changed by hand.")
+@click.option("--without-hand", is_flag=True, help="The blueprint as last applied, without what was changed by hand.")
 @robot_option
 @db_option
 def export_command(file: Path | None, robot: str | None, db: str | None, *, without_hand: bool) -> None:
     """Write a robot of the database as a blueprint to a new FILE, or to standard output.
 
-    What was set by hand is in it, with a remark who did it: applied again, it belongs to the blueprint.
+    It includes what was set by hand, with comments that say by whom; once applied, that belongs to the blueprint.
     """
     address = existing_database(db)
     with open_registry(address, read_only=True) as registry:

@@ -34,16 +34,16 @@ RESERVED = ("boot.py", "main.py")
 MOST_OCTETS = 1_000_000
 """Of a program; the memory of most boards is smaller."""
 
-port_option = click.option("--port", metavar="PORT", help="The board's serial port; the only one at USB if absent.")
+port_option = click.option("--port", metavar="PORT", help="The board's serial port; default: the only USB one.")
 link_option = click.option(
     "--link",
     metavar="ADDRESS",
-    help="The board's way to the master, kept on it: serial:1?tx=4&rx=5, udp:HOST:PORT, ...",
+    help="How the board reaches the master, stored on it: serial:1?tx=4&rx=5, udp:HOST:PORT, ...",
 )
 wifi_option = click.option(
     "--wifi", metavar="NAME", help=f"The Wi-Fi that it joins; asks for the password, unless ${WIFI_PASSWORD} has it."
 )
-source_option = click.option("--source", is_flag=True, help="Install sources where compiled files could be installed.")
+source_option = click.option("--source", is_flag=True, help="Install sources even where compiled files could be used.")
 
 
 @click.group("board")
@@ -102,7 +102,7 @@ def install_command(
 def run_command(file: Path, port: str | None, link: str | None, wifi: str | None, *, source: bool) -> None:
     """Install what is missing, run FILE once on a board and show its output; Ctrl-C ends it.
 
-    What the program needs is put on the board first. What the board runs when it starts stays as it is.
+    What the board runs when it starts does not change.
     """
 
     program = _Program(file)

@@ -27,7 +27,7 @@ MOST_BYTES = 65_535
 
 @click.group("bus")
 def command() -> None:
-    """Tools for a CAN bus: watch it, send frames, count their bits, measure or foretell the load, simulate a bus."""
+    """Tools for a CAN bus: watch it, send frames, count their bits, measure or predict the load, simulate a bus."""
 
 
 bitrate_option = click.option(
@@ -53,7 +53,7 @@ def words_options(function: _C) -> _C:
         help="The robot's blueprint; the robot.toml here, if there is one.",
     )
     protocol = click.option(
-        "--protocol", is_flag=True, help="When the robot is known: below a sentence the words of the protocol."
+        "--protocol", is_flag=True, help="If the robot is known: also the protocol, below each sentence."
     )
     as_json = click.option(
         "--json", "as_json", is_flag=True, help="Print a JSON object for each frame, with plain and protocol."
@@ -85,7 +85,7 @@ def decode(
 ) -> None:
     """Show each frame of a log with its meaning: segment, DDS-XRCE message, fields, sample.
 
-    When the robot is known (--blueprint, or the robot.toml here), in sentences: knob says level 49.9 %.
+    If the robot is known (--blueprint, or the robot.toml here), in sentences: knob says level 49.9 %.
 
     LOG is a file of `candump -l` or `msbot demo --log`; without it, what candump shows is read from standard input:
     candump can0 | msbot bus decode. Files ending in .asc, .blf or .trc are read by python-can.
@@ -121,7 +121,7 @@ class SizeType(click.ParamType[tuple[str, int]]):
 @click.option(
     "--log",
     type=click.Path(path_type=Path, dir_okay=False),
-    help="Write the frames that are shown to this file, too; its ending names the format.",
+    help="Also write the frames to this file; its extension gives the format.",
 )
 @click.option(
     "--filter",
@@ -147,7 +147,7 @@ def dump(
 ) -> None:
     """Show each frame of a live bus or log with its meaning: segment, DDS-XRCE message, sample.
 
-    When the robot is known (its master runs on this computer, --blueprint, or the robot.toml here), in sentences: knob
+    If the robot is known (its master runs on this computer, --blueprint, or the robot.toml here), in sentences: knob
     says level 49.9 %.
 
     BUS is can0, an address (can:slcan:/dev/ttyACM0?bitrate=500000, sim:classroom), a log (.log of candump, .asc, .blf,
@@ -177,9 +177,9 @@ def dump(
 @command.command("send")
 @click.argument("bus")
 @click.argument("frames", metavar="FRAME...", nargs=-1, required=True)
-@click.option("--repeat", type=WholeRange(min=1), default=1, show_default=True, help="Send all of them so often.")
+@click.option("--repeat", type=WholeRange(min=1), default=1, show_default=True, help="How often to send them.")
 @click.option(
-    "--period", type=FiniteRange(min=0.0), default=1.0, show_default=True, help="Seconds from one time to the next."
+    "--period", type=FiniteRange(min=0.0), default=1.0, show_default=True, help="Seconds between repetitions."
 )
 def send(bus: str, frames: tuple[str, ...], repeat: int, period: float) -> None:
     """Send frames; status 2 if nobody acknowledges within 2 s.
@@ -249,8 +249,8 @@ def load(
 
     A BUS is can0 or an address, such as sim:classroom; its frames are counted bit by bit, each second, by identifier.
 
-    A forecast counts BEACON, the beats and the samples of every binding whose port has a rate_hz, bit by bit; what
-    happens only sometimes (joining, set-up, losses) is not.
+    A forecast counts BEACON, the beats and the samples of every binding whose port has a rate_hz, bit by bit;
+    joining, set-up and losses are left out.
     """
     from msbot.cli.bus.bus_source import is_bus
 
@@ -281,7 +281,7 @@ def load(
     show_default=True,
     help="Bit rate of the bus, bit/s.",
 )
-@click.option("--frames", type=WholeRange(1, 100_000), default=1000, show_default=True, help="Frames for a check.")
+@click.option("--frames", type=WholeRange(1, 100_000), default=1000, show_default=True, help="Frames per check.")
 @json_option
 def selftest(bitrate: int, frames: int, *, as_json: bool) -> None:
     """Run the thesis' bus checks T1 to T4 with two controllers on the simulated bus.

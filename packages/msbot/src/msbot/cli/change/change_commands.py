@@ -107,23 +107,22 @@ WINDOW_S = 60.0
     "--slot",
     metavar="SLOT",
     shell_complete=completers.slots,
-    help="The slot it goes into; else the one empty slot that fits.",
+    help="The slot that it gets; default: the only empty slot that fits.",
 )
 @click.option(
     "--window",
     type=FiniteRange(),
     metavar="SECONDS",
-    help="For so long, parts can be let in that the library does not know or that do not fit.",
+    help="Open the adoption window for so long, in which unknown parts and parts that do not fit can be adopted.",
 )
 @robot_and_json_options
 def adopt_command(part: str | None, slot: str | None, window: float | None, db: str | None, robot: str | None) -> None:
     """Put PART, which stands by or is not let in, into a slot.
 
-    A part that the library does not know, and that says what it is, gets a part type and a slot of its own; --slot says
-    what the slot is called. The wires that fit are printed as commands.
+    A part that the library does not know, and that describes itself, gets a part type and a slot of its own, which
+    --slot names. The wires that fit are printed as commands.
 
-    Without PART the adoption window is opened (60 s unless told otherwise); with --slot, the next newcomer gets that
-    slot: plug it in then.
+    Without PART, opens the adoption window (60 s by default); with --slot, the next newcomer gets that slot.
     """
     if part is None or window is not None:
         wish = None if part is not None else slot
@@ -146,7 +145,7 @@ def _bind(offer: dict[str, Any]) -> str:
 
 
 @click.command("go")
-@click.option("--stop", "number", type=WholeRange(1), help="End this STOP, and none that was said after it.")
+@click.option("--stop", "number", type=WholeRange(1), help="End this STOP, but no later one.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 @stop_group_option
 @robot_options
@@ -170,14 +169,14 @@ def go_command(db: str | None, robot: str | None, *, number: int | None, as_json
 @click.argument("slot", shell_complete=completers.slots)
 @click.argument("name", required=False, shell_complete=completers.parameters)
 @click.argument("value", required=False)
-@click.option("--reset", is_flag=True, help="Take back what was set by hand: blueprint or library hold again.")
+@click.option("--reset", is_flag=True, help="Reset to the value of the blueprint or library.")
 @robot_and_json_options
 def set_command(
     slot: str, name: str | None, value: str | None, db: str | None, robot: str | None, *, reset: bool
 ) -> None:
     """Set parameter NAME of SLOT to VALUE; its part gets it at once.
 
-    Without VALUE the parameters are shown, with the values that hold and where these come from.
+    Without VALUE, shows the parameters, their values, and where these come from.
     """
     if reset and (name is None or value is not None):
         raise click.UsageError("--reset takes SLOT and NAME, and no VALUE")
@@ -215,7 +214,7 @@ def _value_row(value: dict[str, Any]) -> tuple[str, ...]:
 
 @click.command("undo")
 @click.argument("number", type=WholeRange(1, 2**53), required=False)
-@click.option("--list", "show", is_flag=True, help="Show what was changed lately, the newest last, and change nothing.")
+@click.option("--list", "show", is_flag=True, help="List recent changes, newest last, and change nothing.")
 @click.option("--last", type=WholeRange(1, 10_000), default=20, show_default=True, help="How many --list shows.")
 @robot_and_json_options
 def undo_command(number: int | None, last: int, db: str | None, robot: str | None, *, show: bool) -> None:

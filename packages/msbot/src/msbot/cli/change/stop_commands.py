@@ -233,7 +233,7 @@ NO_WALLS = "HOME, XDG folders and working folders do not keep robots apart; STOP
 
 @click.command("stop")
 @click.option("--reason", default="", help="Why, for the people who see it.")
-@click.option("--status", "only_status", is_flag=True, help="Only tell whether STOP holds.")
+@click.option("--status", "only_status", is_flag=True, help="Only say whether STOP holds.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 @stop_group_option
 @robot_options
@@ -244,7 +244,7 @@ def command(
 
     Which robots: that of --robot or --db; those of a STOP group (--stop-group); else that of the robot.db here. If
     there is none, EVERY robot of yours that runs on this computer, whatever HOME, XDG folders or working folder it was
-    started with: only STOP groups keep robots apart. From root: those of all users.
+    started with: only STOP groups keep robots apart. As root: those of all users.
     """
     meant = ChosenRobots(db, robot, stop_group)
     if only_status:

@@ -66,15 +66,15 @@ class _LogGroup(click.Group):
 
 @click.group("log", cls=_LogGroup)
 def command() -> None:
-    """Look into recordings (.mcap): show them, cut them, compare them, write them as tables or frames.
+    """Show, cut and compare recordings (.mcap); write them as tables or frames.
 
-    And follow what happens in the robot that runs here: `msbot log --follow`.
+    Without a file: `msbot log --follow` prints what happens in the robot that runs here.
     """
 
 
 @command.command("follow")
 @click.option("-n", "--lines", type=WholeRange(0, 200), default=10, show_default=True, help="Begin with so many lines.")
-@click.option("--slot", "slots", multiple=True, help="Only this slot; may be given several times.")
+@click.option("--slot", "slots", multiple=True, help="Only this slot; repeatable.")
 @click.option("--once", is_flag=True, help="End after these lines.")
 @click.option("--json", "as_json", is_flag=True, help="Print a JSON object for each line.")
 @robot_options
@@ -136,13 +136,13 @@ def _choice(function: _C) -> _C:
         click.option(
             "--from", "from_s", type=FiniteRange(), metavar="SECONDS", help="From this time in the recording on."
         ),
-        click.option("--slot", "slots", multiple=True, help="What the part in this slot said."),
+        click.option("--slot", "slots", multiple=True, help="Only the part in this slot."),
         click.option(
             "--topic",
             "topics",
             multiple=True,
             metavar="TOPIC",
-            help="Messages of this topic, or of all below it (msbot); may be given several times.",
+            help="Only this topic, or all below it (msbot); repeatable.",
         ),
     ):
         function = option(function)
@@ -167,8 +167,8 @@ def show(
 ) -> None:
     """Print each message of a recording as a line: time, topic, content.
 
-    CAN frames, what parts and inventory say to each other (msbot_inventory_Request), and samples whose meaning the
-    recording does not tell, only if their topic is named.
+    CAN frames, messages of the inventory (msbot_inventory_Request) and samples that cannot be decoded appear only
+    if their topic is named.
     """
     from msbot.recording.recorder.batch import INVENTORY_TOPICS
     from msbot.recording.recordings.mcap_reader import FRAMES, Decoder, RecordingReader
@@ -211,9 +211,7 @@ def show(
 @_file
 @click.argument("target", type=click.Path(path_type=Path))
 @_choice
-@click.option(
-    "--ros2", "ros", is_flag=True, help="Only what ROS 2 can read, in a file that `ros2 bag` and rosbags take."
-)
+@click.option("--ros2", "ros", is_flag=True, help="Only what ROS 2 can read, for `ros2 bag` and rosbags.")
 def filter_(  # noqa: PLR0917 - what the command was given
     file: Path,
     target: Path,
@@ -224,7 +222,7 @@ def filter_(  # noqa: PLR0917 - what the command was given
     *,
     ros: bool,
 ) -> None:
-    """Write a piece of a recording, which begins with the state at that moment."""
+    """Write a section of a recording; it begins with the state at that moment."""
     from msbot.recording.recordings.excerpts import write_cut
     from msbot.recording.recordings.mcap_reader import began_ns
     from msbot.recording.recordings.summary import named_topics

@@ -37,26 +37,28 @@ NOTICEABLE_S = 0.1
     "slots",
     multiple=True,
     metavar="SLOT",
-    help="Whose part is replayed; may be given several times; not needed if there is one.",
+    help="The slot to replay; repeatable; not needed if the recording has only one.",
 )
 @click.option(
     "--speed",
     type=FiniteRange(SLOWEST, FASTEST),
     default=1.0,
     show_default=True,
-    help="How many times as fast as it was; 0.5 is half as fast.",
+    help="Playback speed; 0.5 is half as fast.",
 )
 @click.option(
     "--from", "from_s", type=FiniteRange(min=0), metavar="SECONDS", help="From this time in the recording on."
 )
 @click.option("--to", "to_s", type=FiniteRange(min=0), metavar="SECONDS", help="Until this time in the recording.")
 @link_option
-@click.option("--uid", help="16 hexadecimal digits; drawn once and kept on this computer unless given.")
-@click.option("--key", help="File with the part's key, or the key itself; $MSBOT_KEY unless given.")
 @click.option(
-    "--acts", "with_acts", is_flag=True, help="Do again what people did: settings, wires, values by hand, STOP and GO."
+    "--uid", help="UID, 16 hexadecimal digits; default: random at the first start, then kept on this computer."
 )
-@click.option("-q", "--quiet", is_flag=True, help="Say only what is wrong.")
+@click.option("--key", help="File with the part's key, or the key itself; default: $MSBOT_KEY.")
+@click.option(
+    "--acts", "with_acts", is_flag=True, help="Repeat what people did: settings, wires, values by hand, STOP and GO."
+)
+@click.option("-q", "--quiet", is_flag=True, help="Print only problems.")
 @robot_options
 def command(
     file: Path,
@@ -73,13 +75,13 @@ def command(
     db: str | None,
     robot: str | None,
 ) -> None:
-    """Replay in a running robot what a part said: the recording takes its place.
+    """Replay a recorded part in a running robot, in its place.
 
-    The replayed part joins the robot like any other and publishes the recorded messages at their recorded times; while
-    STOP holds it is silent and the recording stands still. The command ends when all is said.
+    The replayed part joins the robot like any other and publishes the recorded messages at their recorded times;
+    while STOP holds, the replay pauses. The command ends with the recording.
 
-    With --acts, what people did is done again at its times in the robot that runs here, told as "NAME, replayed"; with
-    --slot both keep time with each other.
+    With --acts, what people did is repeated at the recorded times in the robot that runs here, as "NAME, replayed";
+    with --slot, both in step.
     """
     from msbot.cli.run.host import run_until_told
     from msbot.recording.replay.recorded_operations import read_operations

@@ -52,7 +52,7 @@ class _Wish:
     "--seconds",
     type=FiniteRange(min=1),
     metavar="N",
-    help=f"The last N seconds of the robot that runs here; {SECONDS:g} unless given.",
+    help=f"The last N seconds of the robot that runs here; default: {SECONDS:g}.",
 )
 @click.option("--from", "from_s", type=FiniteRange(min=0), metavar="SECONDS", help="Of a file: from this time on.")
 @click.option("--to", "to_s", type=FiniteRange(min=0), metavar="SECONDS", help="Of a file: until this time.")
@@ -61,7 +61,7 @@ class _Wish:
     "--out",
     type=click.Path(path_type=Path),
     metavar="FILE",
-    help="A picture (.png, .svg, .pdf) or a table (.csv) instead of letters.",
+    help="Write a picture (.png, .svg, .pdf) or a table (.csv).",
 )
 @click.option("--frame", metavar="101#C010", help="Draw this CAN frame as CAN-H and CAN-L, stuff bits marked.")
 @click.option(
@@ -76,7 +76,7 @@ class _Wish:
     type=WholeRange(1_000, 8_000_000),
     default=2_000_000,
     show_default=True,
-    help="Of --frame: bits a second of the fast part of a CAN FD frame.",
+    help="Of --frame: bits a second in the data phase of CAN FD.",
 )
 @library_option
 @robot_options
@@ -98,8 +98,7 @@ def command(
     """Draw curves of the robot that runs here, or of a recording.
 
     A CURVE is a field (knob.level.percent), a port or a slot with all it has (knob.level, knob), a setting
-    (ear:threshold), @bus, @frames, @late, @latency, @beat.SLOT or @ack.SLOT. Without any, what can be drawn is
-    listed.
+    (ear:threshold), @bus, @frames, @late, @latency, @beat.SLOT or @ack.SLOT. Without a CURVE, lists what can be drawn.
     """
     if out is not None and out.exists():
         raise ConfigError(f"{out} is there already: give the file another name")

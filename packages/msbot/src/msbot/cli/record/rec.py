@@ -33,17 +33,15 @@ BEGIN_S = 10.0
 
 @click.group("rec")
 def command() -> None:
-    """The flight recorder of the robot that runs here: keep what it has, record in a file of its own."""
+    """The flight recorder of the robot that runs here: save what it has, or record to a file."""
 
 
-_ros2_option = click.option(
-    "--ros2", "ros", is_flag=True, help="As a bag: only what ROS 2 can read, as `ros2 bag` takes it."
-)
+_ros2_option = click.option("--ros2", "ros", is_flag=True, help="As a bag: only what ROS 2 can read, for `ros2 bag`.")
 
 
 @command.command("save")
 @click.argument("file", type=click.Path(path_type=Path))
-@click.option("--last", "last_s", type=FiniteRange(min=0.1), metavar="SECONDS", help="Only so much.")
+@click.option("--last", "last_s", type=FiniteRange(min=0.1), metavar="SECONDS", help="Only the last SECONDS.")
 @_ros2_option
 @robot_options
 def save(file: Path, last_s: float | None, db: str | None, robot: str | None, *, ros: bool) -> None:
@@ -108,7 +106,7 @@ def stop(db: str | None, robot: str | None) -> None:
 def list_recordings(db: str | None, robot: str | None, *, as_json: bool) -> None:
     """Show where the robot is recorded, how much, and what is wrong.
 
-    When no master runs: which rings are left of robots that ran.
+    Without a master: the rings of robots that have ended.
     """
     if running_master(db, robot) is None:
         _list_left(db, robot, as_json=as_json)

@@ -63,14 +63,13 @@ class RemoteMasterService(AgentService[RemoteMaster]):
         click.option(
             "--master",
             metavar="ADDRESS",
-            help="Bring the clients as parts to the robot's master at ADDRESS, "
+            help="Let the clients join the robot whose master is at ADDRESS, "
             "for example udp:192.168.1.20:8888, which decides who is let in.",
         ),
         click.option(
             "--name",
             metavar="NAME",
-            help="With --master: what it calls this agent when it says where a part "
-            "is; the computer's name by default.",
+            help="With --master: the name by which the master reports this agent; default: the computer's name.",
         ),
     )
 

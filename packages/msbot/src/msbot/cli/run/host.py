@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 @place_option
 @json_option
 @library_option
-@click.option("-q", "--quiet", is_flag=True, help="Say only what is wrong.")
+@click.option("-q", "--quiet", is_flag=True, help="Print only problems.")
 def host_command(
     path: Path,
     *,
@@ -56,8 +56,8 @@ def host_command(
 ) -> None:
     """Run the parts that are wired to this computer, until Ctrl-C: those of FILE, parts.toml unless named.
 
-    Each table [[part]] of it is one part, real or simulated. The file may be changed at any time: only what has
-    changed in it is restarted.
+    Each table [[part]] of FILE is one part, real or simulated. FILE may be changed at any time: only changed parts
+    restart.
     """
     from msbot.hardware import PartsHost, read_parts
 

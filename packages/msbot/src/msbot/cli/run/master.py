@@ -130,7 +130,7 @@ class _Beside:
     multiple=True,
     default=(DEFAULT_LINK,),
     show_default=True,
-    help="Where parts come in; may be given several times.",
+    help="Where parts connect; repeatable.",
 )
 @library_option
 @space_option
@@ -144,16 +144,16 @@ class _Beside:
 )
 @metrics_option
 @log_options
-@click.option("--part-of", metavar="ADDRESS", help="Be a part of a bigger robot as well: the way to its master.")
-@click.option("--as", "as_number", metavar="NUMBER", help="The part number that it shows there; with --part-of.")
+@click.option("--part-of", metavar="ADDRESS", help="Also join a bigger robot as a part: the address of its master.")
+@click.option("--as", "as_number", metavar="NUMBER", help="Its part number in the bigger robot; with --part-of.")
 @click.option(
     "--stop-group",
     type=StopGroupType(),
     metavar="NAME",
-    help="The STOP group that the robot is in: a STOP "
-    "for another one does not reach it; $MSBOT_STOP_GROUP unless given, or else BLUEPRINT says.",
+    help="The robot's STOP group: a STOP for another group does not reach it; default: $MSBOT_STOP_GROUP, else "
+    "that of BLUEPRINT.",
 )
-@click.option("-v", "--verbose", is_flag=True, help="Say more.")
+@click.option("-v", "--verbose", is_flag=True, help="Print more.")
 def command(
     blueprint: Path,
     addresses: tuple[str, ...],
@@ -172,8 +172,8 @@ def command(
 ) -> None:
     """Run the master of the robot that BLUEPRINT (robot.toml) describes, until Ctrl-C.
 
-    With msbot-web installed it has a page, at the address that is printed; at the first start that is a link that makes
-    you its administrator.
+    With msbot-web installed it serves a page and prints its address; at the first start, a link that makes you its
+    administrator.
     """
     services = wanted_services()
     own_group()  # as below

@@ -33,35 +33,41 @@ if TYPE_CHECKING:
     "settings",
     metavar="CONTROL=VALUE",
     multiple=True,
-    help="Do something to the simulated thing before it starts; may be given several times.",
+    help="Operate a control of the simulated part before it starts; repeatable.",
 )
-@click.option("--pins", metavar="NAME=GPIO,...", help="It is real, on these GPIO pins (BCM numbers).")
-@click.option("--i2c", metavar="BUS:ADDRESS", help="It is real, on that I2C bus, for example 1:0x76.")
+@click.option("--pins", metavar="NAME=GPIO,...", help="A real part, at these GPIO pins (BCM numbers).")
+@click.option("--i2c", metavar="BUS:ADDRESS", help="A real part, at this I2C bus and address, for example 1:0x76.")
 @click.option(
     "--adc",
     metavar="NAME=CHANNEL,...",
-    help="It is real, at these channels of a converter; 1:0 is channel 0 of iio:device1.",
+    help="A real part, at these channels of a converter; 1:0 is channel 0 of iio:device1.",
 )
-@click.option("--device", metavar="PATH", help="It is real, at that device: a serial port, an SPI, a 1-Wire id.")
-@click.option("--real", is_flag=True, help="It is real, and wired as `msbot library show` says.")
 @click.option(
-    "--simulate", is_flag=True, help="It stands in for the real one, with a UID of its own; NAME may be a slot here."
+    "--device", metavar="PATH", help="A real part, at this device: a serial port, an SPI device, a 1-Wire id."
+)
+@click.option("--real", is_flag=True, help="A real part, wired as `msbot library show` says.")
+@click.option(
+    "--simulate",
+    is_flag=True,
+    help="Simulate it in place of the real part, with a UID of its own; NAME may also be a slot.",
 )
 @click.option(
     "--option",
     "options",
     metavar="NAME=VALUE",
     multiple=True,
-    help="Something about the real thing, as calibration; may be given several times.",
+    help="A value of the real part, such as calibration; repeatable.",
 )
-@click.option("--name", "local_name", metavar="LOCAL", help="What this one is called; the part number if absent.")
+@click.option("--name", "local_name", metavar="LOCAL", help="Its local name; default: the part number.")
 @link_option
-@click.option("--uid", help="16 hexadecimal digits; drawn once and kept on this computer unless given.")
-@click.option("--key", help="File with the part's key, or the key itself; $MSBOT_KEY unless given.")
+@click.option(
+    "--uid", help="UID, 16 hexadecimal digits; default: random at the first start, then kept on this computer."
+)
+@click.option("--key", help="File with the part's key, or the key itself; default: $MSBOT_KEY.")
 @world_option
 @place_option
 @library_option
-@click.option("-q", "--quiet", is_flag=True, help="Say only what is wrong.")
+@click.option("-q", "--quiet", is_flag=True, help="Print only problems.")
 def command(
     name: str,
     *,
@@ -84,10 +90,9 @@ def command(
 ) -> None:
     """Run a part until Ctrl-C: any part number of the library, or AA, BB or CC of the sample robot.
 
-    It recognises its robot, registers, beats and does its work. It is simulated unless it is said where it is wired:
-    `msbot part HC-SR04 --pins trigger=23,echo=24`, `msbot part BMP280 --i2c 1:0x76`. While a simulated one runs, type
-    CONTROL=VALUE to do something to it, for example press=true at a BUTTON; `msbot library show NUMBER` lists controls,
-    wires and options.
+    It is simulated unless an option says how it is wired: `msbot part HC-SR04 --pins trigger=23,echo=24`, `msbot part
+    BMP280 --i2c 1:0x76`. While a simulated part runs, type CONTROL=VALUE to operate it, for example press=true at a
+    BUTTON; `msbot library show NUMBER` lists controls, wires and options.
     """
     is_wired = real or options or any(text is not None for text in (pins, i2c, adc, device))
     if is_wired and simulate:

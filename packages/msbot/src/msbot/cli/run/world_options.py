@@ -98,20 +98,20 @@ def address(text: str, example: str) -> tuple[str, int]:
 world_option = click.option(
     "--world",
     metavar="WORLD",
-    help="A world that its parts are in: a name of `msbot arena list`, a file, or tcp:PASSWORD@HOST:PORT of another "
-    "program's.",
+    help="The world to drive in: a name from `msbot arena list`, a file, or tcp:PASSWORD@HOST:PORT for that of "
+    "another program.",
 )
-place_option = click.option("--place", metavar="NAME", help="Which robot of the world it is; the first that is free.")
+place_option = click.option("--place", metavar="NAME", help="Its place in the world; default: the first free one.")
 _share_option = click.option(
     "--share-world",
     "share",
     metavar="[HOST:]PORT",
-    help="Let robots of other programs into the world; without HOST those of this computer.",
+    help="Let other programs' robots into the world; without HOST only those of this computer.",
 )
 _password_option = click.option(
     "--world-password",
     metavar="WORD",
-    help="What robots of other programs have to say to come in; one is made up and printed unless given.",
+    help="The password for other programs' robots; default: a random one, which is printed.",
 )
 
 

@@ -248,7 +248,7 @@ def _rate_options(function: Callable[..., None]) -> Callable[..., None]:
             default=WINDOW,
             show_default=True,
             metavar="N",
-            help="The newest N messages count.",
+            help="Count the newest N messages.",
         ),
         click.option("--json", "as_json", is_flag=True, help="A JSON object for each report."),
     ):
@@ -271,7 +271,7 @@ def hz(
     db: str | None,
     robot: str | None,
 ) -> None:
-    """Say each second how often messages come, until Ctrl-C."""
+    """Print each second how many messages a second come, until Ctrl-C."""
 
     def report(seen: MessageWindow, _now: float) -> str | None:
         rate = seen.rate
@@ -295,7 +295,7 @@ def bw(
     db: str | None,
     robot: str | None,
 ) -> None:
-    """Say each second how many bytes messages bring, until Ctrl-C."""
+    """Print each second how many bytes a second the messages take, until Ctrl-C."""
 
     def report(seen: MessageWindow, now: float) -> str | None:
         found = seen.bandwidth(now)
@@ -343,8 +343,8 @@ def _reports(
 @command.command("pub", context_settings={"ignore_unknown_options": True})
 @_topic_argument
 @click.argument("values", nargs=-1, required=True, metavar="[TYPE] VALUE...")
-@click.option("--once", is_flag=True, help="Publish one message, which is also what happens without --rate.")
-@click.option("-r", "--rate", type=FiniteRange(min=0.01, max=50), metavar="HZ", help="So many messages a second.")
+@click.option("--once", is_flag=True, help="Publish one message, as without --rate.")
+@click.option("-r", "--rate", type=FiniteRange(min=0.01, max=50), metavar="HZ", help="Messages a second.")
 @click.option("-t", "--times", type=WholeRange(1), metavar="N", help="End after so many messages; 1 a second.")
 @json_option
 @robot_options
@@ -359,10 +359,10 @@ def pub(
     db: str | None,
     robot: str | None,
 ) -> None:
-    """Publish a message on a topic, besides what parts publish there.
+    """Publish a message on a topic, in addition to what parts publish there.
 
-    VALUE: the values of the message in their order, FIELD=VALUE, or one text '{field: value, ...}'. With --rate they
-    go on until Ctrl-C.
+    VALUE: the values of the message in their order, FIELD=VALUE, or one text '{field: value, ...}'. With --rate,
+    repeats until Ctrl-C.
     """
     if once and (rate is not None or times is not None):
         raise click.UsageError("--once is one message: leave --rate and --times out")
