@@ -12,7 +12,7 @@ import pytest
 
 from msbot.config import Blueprint, Library, PartType, Slot, load_blueprint, load_library
 from msbot.master import Master, RobotAsPart, exported_ports
-from msbot.part import HelloWorld, JoinState, Part
+from msbot.part import HelloWorld, JoinState, NotSafeYet, Part
 from msbot.pnp import Configuration, MemoryStore, SlotBinding
 from msbot.process.virtual_time import run_virtual
 from msbot_agent.link import InprocHub, LossyLink
@@ -191,6 +191,63 @@ def test_a_stop_that_was_said_at_the_arm_is_not_ended_by_the_rover(tmp_path: Pat
         await asyncio.sleep(2)
         assert robots.arm.stop.stopped
         assert robots.hand.stopped
+
+    play(tmp_path, scene)
+
+
+def names(master: Master) -> list[str]:
+    """The parts that have not confirmed STOP."""
+    return list(master.stop.silent)
+
+
+def test_the_arm_confirms_a_stop_of_the_rover_when_all_its_parts_have(tmp_path: Path) -> None:
+    async def scene(robots: Robots) -> None:
+        moves = [True]
+
+        @robots.hand.safe_state
+        def brake() -> None:
+            if moves[0]:
+                raise NotSafeYet("it moves")
+
+        robots.rover.say_stop("ann")
+        await asyncio.sleep(3)
+        assert names(robots.arm) == ["EFGH"]
+        assert names(robots.rover) == ["ARM"]
+        robots.cut(1.0)
+        await asyncio.sleep(20)
+        robots.cut(0.0)
+        await asyncio.sleep(10)
+        assert robots.as_part.part.state is JoinState.ACTIVE
+        assert names(robots.rover) == ["ARM"], "away and back: the hand still moves"
+        moves[0] = False
+        robots.hand.is_safe_now()
+        await asyncio.sleep(1)
+        assert names(robots.rover) == []
+
+    play(tmp_path, scene)
+
+
+def test_nobody_at_the_arm_ends_a_stop_of_the_rover(tmp_path: Path) -> None:
+    async def scene(robots: Robots) -> None:
+        robots.rover.say_stop("ann")
+        await asyncio.sleep(1)
+        with pytest.raises(ConfigError, match="STOP holds in the bigger robot, where this robot is slot arm: say GO"):
+            robots.arm.say_go("bob")
+        assert robots.hand.stopped
+
+        robots.cut(1.0)
+        await asyncio.sleep(20)
+        robots.arm.say_go("bob")  # nobody hears the rover: who is at the arm decides
+        await asyncio.sleep(1)
+        assert not robots.hand.stopped
+        robots.cut(0.0)
+        await asyncio.sleep(10)
+        assert robots.hand.stopped, "STOP holds in the rover, and it is heard again"
+        assert names(robots.rover) == []
+        robots.rover.say_go("ann")
+        await asyncio.sleep(2)
+        assert not robots.hand.stopped
+        assert not robots.arm.stop.stopped
 
     play(tmp_path, scene)
 

@@ -132,6 +132,7 @@ class Master:
         """Slot of a board -> what is wrong with what is wired to it."""
         self._witnesses: list[Callable[[PartInfo], Sequence[str]]] = []
         self._stop_listeners: list[Callable[[StopStatus], object]] = []
+        self._go_refusals: list[Callable[[], str]] = []
         self._speech_listeners: list[Callable[[bool, str, str, str], object]] = []
         self._epoch_ns = epoch_ns
         self._keeper = StopStore(store, stop_file, is_shared=is_shared)
@@ -349,7 +350,8 @@ class Master:
             number: of the latest STOP that this person knows of; None: whichever holds.
 
         Raises:
-            ConfigError: nobody said STOP, or not that one, somebody has said another since, or a part still says it.
+            ConfigError: nobody said STOP, or not that one, somebody has said another since, or a part or a bigger robot
+                still says it.
         """
         if not self._stop.holds:
             raise ConfigError(said("nobody said STOP: there is nothing to end"))
@@ -360,6 +362,8 @@ class Master:
                     parts=", ".join(self._stop.sayers),
                 )
             )
+        if why := next(filter(None, (refuses() for refuses in self._go_refusals)), ""):
+            raise ConfigError(why)
         if number is not None and number < self._stop.latest:
             raise ConfigError(
                 said(
@@ -415,6 +419,10 @@ class Master:
     def on_stop(self, listener: Callable[[StopStatus], object]) -> None:
         """Call the listener after every GO, and every STOP that tells something new: not when a person repeats it."""
         self._stop_listeners.append(listener)
+
+    def refuse_go(self, why: Callable[[], str]) -> None:
+        """Ask before every GO why nobody may say it now; an empty text: nothing is in the way."""
+        self._go_refusals.append(why)
 
     def on_stop_said(self, listener: Callable[[bool, str, str, str], object]) -> None:
         """Call the listener after every STOP (true) and GO (false) with who has said it just now,

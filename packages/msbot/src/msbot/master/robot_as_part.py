@@ -16,8 +16,9 @@ from typing import Final
 
 from msbot.config import Binding, Blueprint, Library, MessageType, Scalar
 from msbot.master.master import Master
-from msbot.part import JoinState, Message, Part
+from msbot.part import JoinState, Message, NotSafeYet, Part
 from msbot.part.join.pnp_messages import UID_OCTETS
+from msbot.pnp import StopStatus
 from msbot.service_types import service_type
 from msbot.sim.model_part import message_class, message_of
 from msbot_agent.link import Link
@@ -34,7 +35,7 @@ from msbot_agent.space import (
     open_space,
     robot_partition,
 )
-from msbot_agent.text.sentence import printable
+from msbot_agent.text.sentence import printable, said
 from msbot_xrce.errors import ConfigError, LinkDown
 from msbot_xrce.lazy import dataclass
 
@@ -42,6 +43,9 @@ _GUID: Final = bytes.fromhex("4d73424f5400000000000000776f726c")
 """The first writer's identity in the data space: `MsBOT`, `worl`; the further ones are counted from it."""
 AGAIN_S: Final = 2.0
 """Pause before a link to the bigger robot that failed is tried again."""
+CONFIRMED_S: Final = 0.02
+"""Period in which is looked whether all parts here have confirmed STOP of the bigger robot."""
+_IN: Final = (JoinState.CONFIGURING, JoinState.ACTIVE)
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,8 +135,11 @@ class RobotAsPart:
         self._ports = ports
         self._open_link = open_link
         self._say: Callable[[str], object] = lambda words: say(printable(words))  # some are the bigger robot's
+        self._is_stop_passed_on = False
+        """This robot was told of the STOP that holds in the bigger one."""
         self._stop_number = 0
         """The STOP of this robot that the bigger one has said; 0 = none."""
+        self._look: asyncio.TimerHandle | None = None
         profile = master.profile
         self.name = profile.name
         """What the part is called in the bigger robot."""
@@ -152,10 +159,12 @@ class RobotAsPart:
                 self.part.publishes(port.name, port.message)
             else:
                 self._take_in(port)
-        self.part.on_stop(self._stop)
+        self.part.safe_state(self._be_safe)
         self.part.on_go(self._go)
         self.part.on_join(self._joined)
         self.part.on_lost(self._lost)
+        master.refuse_go(self._why_no_go)
+        master.on_stop(self._go_here)
 
     async def run(self) -> None:
         """Be a part until cancelled; a bigger robot that is away, or a mistake there, does not end this one."""
@@ -175,6 +184,8 @@ class RobotAsPart:
                         self._say(f"{self.name} is not a part of the bigger robot: {told}")
                 await asyncio.sleep(AGAIN_S)
         finally:
+            if self._look is not None:
+                self._look.cancel()
             for reader in self._readers:
                 reader.close()
             for writer in self._writers:
@@ -198,14 +209,49 @@ class RobotAsPart:
             self.part.publish_octets(port.name, port.message.type_name, sample.payload)
         return True
 
-    def _stop(self) -> None:
+    def _be_safe(self) -> None:
+        """STOP of the bigger robot is STOP here, and confirmed there when all parts here have confirmed it.
+
+        Raises:
+            NotSafeYet: some have not.
+        """
+        if not self.part.stopped:
+            return
+        if self.part.state in _IN and not (self._is_stop_passed_on and self._master.stop.stopped):
+            self._is_stop_passed_on = True
+            self._pass_stop_on()
+        if silent := self._master.stop.silent:
+            if self._look is None:
+                self._look = asyncio.get_running_loop().call_later(CONFIRMED_S, self._look_again)
+            raise NotSafeYet(f"not confirmed here: {', '.join(silent)}")
+
+    def _look_again(self) -> None:
+        self._look = None
+        self.part.is_safe_now()
+
+    def _pass_stop_on(self) -> None:
         is_first = not self._master.stop.stopped  # a STOP that somebody here has said is theirs to end
         self._master.say_stop("the bigger robot", f"STOP was said there, where this robot is slot {self.part.slot}")
         if is_first:
             self._stop_number = self._master.stop.number
 
+    def _why_no_go(self) -> str:
+        """Why nobody here may say GO now; while the bigger robot is away, people here decide."""
+        if not (self.part.stopped and self.part.state is JoinState.ACTIVE):
+            return ""
+        return said(
+            "STOP holds in the bigger robot, where this robot is slot {slot}: say GO there", slot=str(self.part.slot)
+        )
+
+    def _go_here(self, status: StopStatus) -> None:
+        """Whoever is here has ended STOP while the bigger robot is away: if it holds there, it is news when it is back,
+        and confirmed anew."""
+        if not status.stopped and self.part.stopped:
+            self.part.end()
+
     def _go(self) -> None:
         """GO of the bigger robot ends only the STOP that it has said itself."""
+        self._is_stop_passed_on = False
         status = self._master.stop
         if status.stopped and status.number == self._stop_number:
             try:
