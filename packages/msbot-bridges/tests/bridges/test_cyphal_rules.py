@@ -24,10 +24,11 @@ from msbot.part.messages.standard import (
     Vector,
 )
 from msbot_bridges.bridge import DeviceIdentity, ForeignDevice, Value
+from msbot_bridges.cyphal.aspect import FEEDBACK, READINESS, Builtin
 from msbot_bridges.cyphal.node_device import CyphalNode
 from msbot_bridges.cyphal.node_ids import GivenNodeIds, hash_of
 from msbot_bridges.cyphal.node_registers import Register, RegisterSetting, SubjectPort, ports_of, settings_of
-from msbot_bridges.cyphal.port_types import FEEDBACK, READINESS, TYPES, Builtin, short_name
+from msbot_bridges.cyphal.port_types import TYPES, short_name
 from msbot_bridges.cyphal.subjects import FIRST, LAST, Subjects
 from tests.bridges.hosts import Host
 
@@ -54,7 +55,9 @@ class Bus:
     def leave(self, device: CyphalNode) -> None:
         pass
 
-    def publish(self, device: CyphalNode, port: SubjectPort, fields: Builtin, *, urgent: bool) -> None:
+    def publish(
+        self, device: CyphalNode, port: SubjectPort, fields: Builtin, *, urgent: bool, again: bool = False
+    ) -> None:
         self.sent.append((port.name, fields, urgent))
 
     def write(self, device: CyphalNode, setting: RegisterSetting, value: Value) -> None:
@@ -153,6 +156,7 @@ def test_settings_have_range_and_default_and_no_dots() -> None:
 )
 def test_what_a_node_publishes_is_a_standard_message(type_name: str, told: dict[str, Any], message: Message) -> None:
     (aspect,) = TYPES[type_name]
+    assert aspect.read is not None
     found = aspect.read(SimpleNamespace(**told))
     assert str(found) == str(message)
 
@@ -162,6 +166,7 @@ def test_a_battery_says_how_full_it_is() -> None:
     joule = [SimpleNamespace(joule=number) for number in (25.0, 100.0)]
     told = SimpleNamespace(value=SimpleNamespace(power=power, energy=joule[0], full_energy=joule[1]))
     (aspect,) = TYPES["reg.udral.physics.electricity.SourceTs.0.1"]
+    assert aspect.read is not None
     assert aspect.read(told) == Battery(volts=11.5, amperes=2.0, percent=25.0)
 
 

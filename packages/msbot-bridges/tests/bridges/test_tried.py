@@ -35,7 +35,7 @@ TRIED = {
         MODULE,
     ),
     "adopted, recorded, lost, explained": (WHOLE,) * 6,
-    "a like device gets slot and settings; undone": (LIKE, None, LIKE, SET, None, None),
+    "a like device gets slot and settings; undone": (LIKE, SET, LIKE, SET, None, None),
     "a spare of another world": (SWAP, CYPHAL_SPARE, SWAP, SPARE, SPARE, None),
 }
 """The test of each cell, in the order of the page's columns; None: a gap."""

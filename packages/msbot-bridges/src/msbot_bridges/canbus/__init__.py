@@ -1,12 +1,14 @@
 """What the worlds on CAN share: buses of python-can, their addresses, and who may be on one bus"""
 
 from msbot_bridges.canbus.bus import FrameSender, check_address, open_bus
+from msbot_bridges.canbus.heartbeats import Heartbeats
 from msbot_bridges.canbus.neighbours import BEACON_ID, Neighbours
 from msbot_bridges.canbus.one_bus import OnBus, check_one_bus, robot_on_bus
 
 __all__ = [
     "BEACON_ID",
     "FrameSender",
+    "Heartbeats",
     "Neighbours",
     "OnBus",
     "check_address",

@@ -20,13 +20,14 @@ from pycyphal.transport.can import CANTransport
 
 import can
 from msbot_bridges.bridge import DeviceIdentity, ForeignDevice, Value, WorldHost
-from msbot_bridges.canbus import Neighbours
+from msbot_bridges.canbus import Heartbeats, Neighbours
+from msbot_bridges.cyphal.aspect import READINESS, Builtin
 from msbot_bridges.cyphal.can_media import PythonCanMedia
 from msbot_bridges.cyphal.node_device import CyphalNode
 from msbot_bridges.cyphal.node_ids import GivenNodeIds, hash_of
 from msbot_bridges.cyphal.node_registers import RegisterSetting, SubjectPort, ports_of, settings_of
-from msbot_bridges.cyphal.port_types import Builtin
 from msbot_bridges.cyphal.register_access import IDENTIFY, RESTART, STORE, RegisterAccess, is_as_written
+from msbot_bridges.cyphal.subject_groups import SubjectGroups, may_share
 from msbot_bridges.cyphal.subjects import Subjects
 
 REPEAT_S: Final = 0.1
@@ -34,9 +35,12 @@ REPEAT_S: Final = 0.1
 MOST_LISTED: Final = 2048
 """Subjects of a node's own list; a list of all says nothing."""
 MOST_GIVEN: Final = 128
+ASK_TIMES: Final = 20
+"""So often, three times each, a node is asked who it is."""
 SEEN_UPTIME_S: Final = 2
 RESTART_S: Final = 10.0
 """A node that has not started anew so long after it has been told does not restart by itself."""
+Who = tuple[bytes, bytes]
 logging.getLogger("pycyphal").setLevel(logging.ERROR)
 _log = logging.getLogger("msbot.part")
 
@@ -60,8 +64,19 @@ class CyphalBus:
         self._tasks: dict[int, set[asyncio.Task[None]]] = {}
         self._publishers: dict[CyphalNode, dict[SubjectPort, Publisher[Any]]] = {}
         self._subscribers: dict[CyphalNode, list[Subscriber[Any]]] = {}
+        self._groups = SubjectGroups()
+        self._vectors: dict[int, tuple[str, Publisher[Any]]] = {}
+        """The type and publisher of each group of motor controllers, by its subject."""
+        self._repeated = set[int]()
+        """Subjects of groups that were repeated in this round."""
         self._given: dict[bytes, int] = {}
         """Nodes that have got subjects and restart, by their unique id."""
+        self._who: dict[int, Who] = {}
+        """Who has said to be at each node id: unique id and name."""
+        self._heartbeats: dict[int, Heartbeats] = {}
+        self._doubtful = set[int]()
+        """Node ids at which another device may be now; what they report does not count."""
+        self._verifying = set[int]()
         self._node_is_closed = False
         self._written: dict[tuple[int, str], Value] = {}
         self._ids, self._subjects = GivenNodeIds(), Subjects()
@@ -73,6 +88,7 @@ class CyphalBus:
         self._node = pycyphal.application.make_node(info, registry, transport=transport)
         self._registers = RegisterAccess(self._node)
         self._tracker = NodeTracker(self._node)
+        self._tracker.get_info_attempts = 0  # an answer that comes late ends its task with an error; asked here
         self._tracker.add_update_handler(self._tracked)
         self._answers = self._node.make_publisher(uavcan.pnp.NodeIDAllocationData_1)
         self._hear(uavcan.pnp.NodeIDAllocationData_1, self._asked_for_id)
@@ -101,17 +117,41 @@ class CyphalBus:
     def _tracked(self, node_id: int, old: Entry | None, new: Entry | None) -> None:
         if new is None:
             self._lose(node_id, f"node {node_id} has sent no heartbeat for 3 s")
-        elif new.info is None:
+        elif node_id != self._node.id:
             if old is not None:
                 self._lose(node_id, f"node {node_id} has started anew")
-        else:
-            self._lose(node_id, f"node {node_id} has started anew")
-            unique = bytes(new.info.unique_id)
-            if any(unique):
-                self._ids.seen(node_id, hash_of(unique))
-            self._begin(node_id, self._introduce(node_id, new.info))
+            self._begin(node_id, self._ask_who(node_id))
+
+    async def _ask_who(self, node_id: int) -> None:
+        """Ask until it answers, is lost, or has not answered for long."""
+        for _ in range(ASK_TIMES):
+            if (info := await self._registers.info(node_id)) is not None:
+                self._meet(node_id, info)
+                return
+        self._host.say(f"node {node_id} does not answer when it is asked who it is")
+
+    def _meet(self, node_id: int, info: Any) -> None:  # noqa: ANN401
+        who = self._who[node_id] = _who(info)
+        if any(who[0]):
+            self._ids.seen(node_id, hash_of(who[0]))
+        self._begin(node_id, self._introduce(node_id, info))
+
+    async def _verify(self, node_id: int) -> None:
+        """Ask who is at a node id; without an answer it stays doubtful, and the next heartbeat asks again."""
+        try:
+            info = await self._registers.info(node_id)
+        finally:
+            self._verifying.discard(node_id)
+        if info is not None and _who(info) == self._who.get(node_id):
+            self._doubtful.discard(node_id)
+        elif info is not None:
+            self._lose(node_id, f"node {node_id} is another device now")
+            self._meet(node_id, info)
 
     def _lose(self, node_id: int, why: str) -> None:
+        self._doubtful.discard(node_id)
+        self._who.pop(node_id, None)
+        self._heartbeats.pop(node_id, None)
         for task in self._tasks.pop(node_id, ()):
             task.cancel()
         self._subjects.forget(node_id)
@@ -143,20 +183,32 @@ class CyphalBus:
 
     def _warn_of_listener(self, newcomer: CyphalNode) -> None:
         """Messages have no receiver: say which orders a node obeys though they are for another one."""
-        mine = {port.subject for port in newcomer.ports.subscribed if port.subject is not None}
-        for device, ports in self._publishers.items():
-            for port in ports:
-                if port.subject in mine and device is not newcomer:
-                    self._host.say(
-                        f"node {newcomer.node_id} hears the orders to node {device.node_id}: "
-                        f"both have subject {port.subject}"
-                    )
+        mine = [port for port in newcomer.ports.subscribed if port.subject is not None]
+        for device in self._devices.values():
+            for own, port in ((own, port) for own in mine for port in device.ports.subscribed):
+                if own.subject != port.subject or device is newcomer:
+                    continue
+                both = f"node {newcomer.node_id} hears the orders to node {device.node_id}: both have subject"
+                if not may_share(own, port):
+                    self._host.say(f"{both} {port.subject}")
+                elif own.type_name == READINESS:
+                    self._host.say(f"{both} {port.subject}, so they are engaged only when both are in the robot")
 
     def _heartbeat(self, told: Any, transfer: TransferFrom) -> None:  # noqa: ANN401
         if _source(transfer) == self._node.id:
             self._neighbours.own()
         if (device := self._devices.get(_source(transfer))) is not None:
+            self._doubt(device.node_id, int(told.uptime), transfer.transfer_id)
             device.heartbeat(int(told.health.value), int(told.mode.value))
+
+    def _doubt(self, node_id: int, uptime_s: int, number: int) -> None:
+        """A heartbeat of a device has come: ask anew who it is when it does not go on as before."""
+        now = asyncio.get_running_loop().time()
+        if not self._heartbeats.setdefault(node_id, Heartbeats()).fits(uptime_s, number, now):
+            self._doubtful.add(node_id)
+        if node_id in self._doubtful and node_id not in self._verifying:
+            self._verifying.add(node_id)
+            self._begin(node_id, self._verify(node_id))
 
     def _listed(self, told: Any, transfer: TransferFrom) -> None:  # noqa: ANN401
         for how, listed in (("published list", told.publishers), ("subscribed list", told.subscribers)):
@@ -206,15 +258,33 @@ class CyphalBus:
             is_told = port in device.ports.subscribed
             others = self._subjects.others("published", port.subject, node_id)
             if is_told:
-                others += self._subjects.others("subscribed", port.subject, node_id)
+                listening = self._subjects.others("subscribed", port.subject, node_id)
+                others += [one for one in listening if not self._shares(one, port)]
             else:
                 others = [one for one in others if not self._publishes(one, port)]
             if others:
+                if port.place is not None and self._is_at(others[0], port):
+                    return (
+                        f"nodes {node_id} and {others[0]} both have place {port.place} of subject {port.subject}: "
+                        f"give node {node_id} another place, and restart it"
+                    )
                 return (
                     f"nodes {node_id} and {others[0]} both have subject {port.subject}: "
                     f"give {port.register} of node {node_id} another, and restart it"
                 )
         return ""
+
+    def _told_on(self, node_id: int, subject: int | None) -> list[SubjectPort]:
+        device = self._devices.get(node_id)
+        return [] if device is None else [one for one in device.ports.subscribed if one.subject == subject]
+
+    def _shares(self, node_id: int, port: SubjectPort) -> bool:
+        """Whether another node can be told by the same messages as this port's."""
+        ports = self._told_on(node_id, port.subject)
+        return bool(ports) and all(may_share(one, port) for one in ports)
+
+    def _is_at(self, node_id: int, port: SubjectPort) -> bool:
+        return any(one.place == port.place for one in self._told_on(node_id, port.subject))
 
     def _publishes(self, node_id: int, like: SubjectPort) -> bool:
         """Whether a node publishes on a subject with the same data type, so that both can be heard."""
@@ -226,18 +296,46 @@ class CyphalBus:
         """See `SubjectBus`."""
         for subscriber in self._subscribers.pop(device, []):
             subscriber.close()
+        self._groups.leave(device)
         for publisher in self._publishers.pop(device, {}).values():
             asyncio.get_running_loop().call_later(REPEAT_S, publisher.close)  # the last order is still going out
 
-    def publish(self, device: CyphalNode, port: SubjectPort, fields: Builtin, *, urgent: bool) -> None:
+    def publish(
+        self, device: CyphalNode, port: SubjectPort, fields: Builtin, *, urgent: bool, again: bool = False
+    ) -> None:
         """See `SubjectBus`."""
         if port.subject is None or self._devices.get(device.node_id) is not device or self._node_is_closed:
             return
+        if (again and port.subject in self._repeated) or (device.node_id in self._doubtful and not urgent):
+            return
+        if port.place is not None:
+            self._repeated.add(port.subject)
+            type_name, elements = self._groups.vector(port.subject, device, port.place, fields["value"])
+            self._send(self._vector_publisher(port.subject, type_name), {"value": elements}, urgent=urgent)
+            return
+        if port.type_name == READINESS:
+            self._repeated.add(port.subject)
+            hearing = [one for one in self._devices.values() if any(self._told_on(one.node_id, port.subject))]
+            fields = {"value": self._groups.readiness(port.subject, device, fields["value"], hearing)}
         publishers = self._publishers.setdefault(device, {})
         if port not in publishers:
             made = self._node.presentation.make_publisher(class_of(port.type_name), port.subject)
             publishers[port] = made
-        publisher = publishers[port]
+        self._send(publishers[port], fields, urgent=urgent)
+
+    def _vector_publisher(self, subject: int, type_name: str) -> Publisher[Any]:
+        has = self._vectors.get(subject)
+        if has is None or has[0] != type_name:
+            if has is not None:
+                has[1].close()  # the library has one type for a subject
+            has = self._vectors[subject] = (
+                type_name,
+                self._node.presentation.make_publisher(class_of(type_name), subject),
+            )
+        return has[1]
+
+    @staticmethod
+    def _send(publisher: Publisher[Any], fields: Builtin, *, urgent: bool) -> None:
         publisher.priority = Priority.EXCEPTIONAL if urgent else Priority.NOMINAL
         publisher.publish_soon(nunavut_support.update_from_builtin(publisher.dtype(), fields))
 
@@ -276,7 +374,7 @@ class CyphalBus:
         assert port.subject is not None
 
         def hear(told: Any, transfer: TransferFrom) -> None:  # noqa: ANN401
-            if transfer.source_node_id == device.node_id:
+            if transfer.source_node_id == device.node_id and device.node_id not in self._doubtful:
                 device.heard(port, told)
 
         subscriber = self._node.presentation.make_subscriber(class_of(port.type_name), port.subject)
@@ -331,6 +429,7 @@ class CyphalBus:
     async def _repeat(self) -> None:
         while True:
             await asyncio.sleep(REPEAT_S)
+            self._repeated.clear()
             for device in list(self._devices.values()):
                 device.repeat()
 
@@ -338,6 +437,11 @@ class CyphalBus:
 def _source(transfer: TransferFrom) -> int:
     """Who has sent it; -1: a node without an id."""
     return -1 if transfer.source_node_id is None else int(transfer.source_node_id)
+
+
+def _who(info: Any) -> Who:  # noqa: ANN401
+    """What tells a device from others: its unique id, and its name, as there may be none."""
+    return bytes(info.unique_id), bytes(info.name)
 
 
 def _subjects_of(ports: Iterable[SubjectPort]) -> list[int]:

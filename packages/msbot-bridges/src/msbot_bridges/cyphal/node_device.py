@@ -15,8 +15,8 @@ from typing import Any, Final, Protocol
 from msbot.part import Message
 from msbot.part.messages.standard import Text, Trigger
 from msbot_bridges.bridge import DeviceIdentity, DeviceOutput, DeviceService, ForeignDevice, Input, Report, Value
+from msbot_bridges.cyphal.aspect import ENGAGED, FEEDBACK, READINESS, STANDBY, Aspect, Builtin
 from msbot_bridges.cyphal.node_registers import NodePorts, RegisterSetting, SubjectPort, named_aspects
-from msbot_bridges.cyphal.port_types import ENGAGED, FEEDBACK, READINESS, STANDBY, Aspect, Builtin
 from msbot_xrce.lazy import dataclass
 
 NOMINAL, WARNING = 0, 3
@@ -35,8 +35,18 @@ class SubjectBus(Protocol):
     def leave(self, device: CyphalNode) -> None:
         """Listen to it no longer."""
 
-    def publish(self, device: CyphalNode, port: SubjectPort, fields: Builtin, *, urgent: bool) -> None:
-        """Send a message to one of its ports."""
+    def publish(
+        self, device: CyphalNode, port: SubjectPort, fields: Builtin, *, urgent: bool, again: bool = False
+    ) -> None:
+        """Send a message to one of its ports.
+
+        Args:
+            device: whose port it is.
+            port: the port.
+            fields: of the message; of a vector the one place.
+            urgent: before all other orders.
+            again: it was told so before; what several have in common is repeated once.
+        """
 
     def write(self, device: CyphalNode, setting: RegisterSetting, value: Value) -> None:
         """Write a register."""
@@ -87,7 +97,12 @@ class CyphalNode(ForeignDevice):
             for name, aspect in aspects.items()
             if aspect.write is not None
         }
-        self._heard = named_aspects(ports.published, {RESTART, *self._driven}, "_state")
+        heard = named_aspects(ports.published, {RESTART, *self._driven}, "_state")
+        self._heard = {
+            port: told
+            for port, aspects in heard.items()
+            if (told := {name: aspect for name, aspect in aspects.items() if aspect.read is not None})
+        }
         self.readiness = next((one for one in ports.subscribed if one.type_name == READINESS), None)
         self.outputs = tuple(
             DeviceOutput(name, one.message) for told in self._heard.values() for name, one in told.items()
@@ -113,7 +128,8 @@ class CyphalNode(ForeignDevice):
         """Ports whose data type is unknown here, and that are no part's ports."""
         known = (*self._heard, *(one.port for one in self._driven.values()), self.readiness)
         return [
-            f"{one.name} ({one.type_name or 'no type'})"
+            f"{one.name} ({one.type_name or 'no type'}"
+            + (", and no one register says its place in it)" if one.places and one.place is None else ")")
             for one in (*self.ports.published, *self.ports.subscribed)
             if one not in known
         ]
@@ -221,6 +237,7 @@ class CyphalNode(ForeignDevice):
         if self._report is None:
             return
         for name, aspect in self._heard[port].items():
+            assert aspect.read is not None
             message = aspect.read(told)
             self._report(name, message)
             if self.is_stopping:
@@ -231,7 +248,7 @@ class CyphalNode(ForeignDevice):
     def repeat(self) -> None:
         """Send again what its ports were told last."""
         for port, fields in self._last.items():
-            self._bus.publish(self, port, fields, urgent=self.is_stopping)
+            self._bus.publish(self, port, fields, urgent=self.is_stopping, again=True)
 
     # Orders
 

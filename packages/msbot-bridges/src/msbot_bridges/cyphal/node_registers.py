@@ -12,13 +12,17 @@ from collections.abc import Collection, Mapping, Sequence
 from typing import Any, Final
 
 from msbot_bridges.bridge import DeviceSetting
-from msbot_bridges.cyphal.port_types import TYPES, Aspect
+from msbot_bridges.cyphal.aspect import Aspect
+from msbot_bridges.cyphal.port_types import TYPES
+from msbot_bridges.cyphal.service_types import VECTORS
 from msbot_xrce.lazy import dataclass
 
 UNSET: Final = 0xFFFF
 """What a port has in its register that has no subject."""
 LAST_SUBJECT: Final = 8191
 _PORT: Final = re.compile(r"uavcan\.(pub|sub)\.([\w.]+)\.id", re.ASCII)
+_PLACE: Final = re.compile(r"(?:[\w.]*[._])?(?:index|idx|esc_id|id_in_esc_group)", re.ASCII)
+"""Registers with the place of a motor controller in the vector of its group: the standard has no name for them."""
 _NUMBERS: Final = re.compile(r"(integer|natural|real)(8|16|32|64)")
 
 
@@ -47,6 +51,18 @@ class SubjectPort:
     """None: it has none yet."""
     is_kept: bool
     """A subject that is written is there after a restart, too."""
+    place: int | None = None
+    """Of a vector: the element that is this node's; None: no register says so, or it is none of a group."""
+
+    @property
+    def places(self) -> int:
+        """How many a vector of its type has; 0: it is none."""
+        return VECTORS.get(self.type_name, 0)
+
+    @property
+    def is_usable(self) -> bool:
+        """A node in a group has to say its place."""
+        return not self.places or self.place is not None
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,16 +89,30 @@ def ports_of(registers: Mapping[str, Register]) -> NodePorts:
         if (match := _PORT.fullmatch(name)) and register.kind == "natural16" and len(register.values) == 1:
             kind = registers.get(f"{name.removesuffix('.id')}.type")
             subject = int(register.values[0])
+            type_name = str(kind.values[0]) if kind is not None and kind.kind == "string" else ""
             found[match[1]].append(
                 SubjectPort(
                     match[2],
                     name,
-                    str(kind.values[0]) if kind is not None and kind.kind == "string" else "",
+                    type_name,
                     subject if subject <= LAST_SUBJECT else None,
                     register.is_mutable and register.is_persistent,
+                    _place(registers, match[2], VECTORS.get(type_name, 0)),
                 )
             )
     return NodePorts(tuple(found["pub"]), tuple(found["sub"]))
+
+
+def _place(registers: Mapping[str, Register], port: str, places: int) -> int | None:
+    """The place of a node in a vector; the register whose name begins as the port's does counts before others."""
+    said = {
+        name: int(register.values[0])
+        for name, register in registers.items()
+        if _PLACE.fullmatch(name) and re.match("integer|natural", register.kind) and len(register.values) == 1
+    }
+    stem = re.split(r"[._]", port)[0]
+    fitting = [value for name, value in said.items() if name.startswith(stem)] or list(said.values())
+    return fitting[0] if len(fitting) == 1 and 0 <= fitting[0] < places else None
 
 
 def named_aspects(
@@ -98,7 +128,7 @@ def named_aspects(
     found: dict[SubjectPort, dict[str, Aspect]] = {}
     names = set(taken)
     for port in ports:
-        for aspect in TYPES.get(port.type_name, ()):
+        for aspect in TYPES.get(port.type_name, ()) if port.is_usable else ():
             name = clean(port.name) + aspect.suffix
             name += suffix if name in names else ""
             if name not in names:
@@ -110,7 +140,10 @@ def named_aspects(
 def settings_of(registers: Mapping[str, Register]) -> list[RegisterSetting]:
     """The registers that a person may set: those with one value, but for those of the standard."""
     found: dict[str, RegisterSetting] = {}
+    is_in_group = any(port.places for port in ports_of(registers).subscribed)
     for name, register in registers.items():
+        if is_in_group and _PLACE.fullmatch(name):
+            continue  # the bridge drives it by that place
         if name.startswith("uavcan.") or not re.fullmatch(r"[a-z_][\w.]*", name, re.ASCII) or not register.is_mutable:
             continue
         setting = _setting(clean(name), name, register, registers)

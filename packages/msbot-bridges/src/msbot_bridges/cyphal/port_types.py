@@ -4,38 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import field
 from typing import Any, Final
 
 from msbot.part import Message
-from msbot.part.messages.standard import Angle, Battery, Distance, Level, Number, Speed, Switch, Text, Vector
+from msbot.part.messages.standard import Angle, Distance, Number, Speed, Switch, Text, Vector
 from msbot_bridges.bridge import Fit, fits_of
 from msbot_bridges.bridge.quantity import NUMBER, Quantity, quantity
-from msbot_xrce.lazy import dataclass
-
-READINESS: Final = "reg.udral.service.common.Readiness.0.1"
-FEEDBACK: Final = "reg.udral.service.actuator.common.Feedback.0.1"
-STANDBY, ENGAGED = 2, 3
-"""Values of `Readiness`."""
-Builtin = Mapping[str, Any]
-"""The fields of an object of the library, as its `update_from_builtin` takes them."""
-
-
-@dataclass(frozen=True, slots=True)
-class Aspect:
-    """One message in a type; a type with several makes a port for each."""
-
-    message: type[Message]
-    read: Callable[[Any], Message]
-    """The message of an object of the library."""
-    write: Callable[[Message], Builtin] | None = None
-    """The fields of an object for a message; None: nothing is driven by this type."""
-    suffix: str = ""
-    """Of the port's name, where a type has several."""
-    safe: Message | None = None
-    """The value when nobody is in command."""
-    near: Callable[[Message, Message], bool] = field(default=lambda report, safe: report == safe)
-    """Whether a report is a safe value, as nearly as devices are there."""
+from msbot_bridges.cyphal.aspect import Aspect, Builtin
+from msbot_bridges.cyphal.service_types import SERVICE_TYPES
+from msbot_bridges.cyphal.service_types import VECTORS as GROUPS
 
 
 def _scalar(field_name: str, unit: str) -> Aspect:
@@ -68,6 +45,7 @@ SI: Final[Mapping[str, tuple[str, str]]] = {
     "angular_acceleration": ("radian_per_second_per_second", ""),
     "angular_velocity": ("radian_per_second", "rad/s"),
     "duration": ("second", ""),
+    "electric_charge": ("coulomb", ""),
     "electric_current": ("ampere", ""),
     "energy": ("joule", ""),
     "force": ("newton", ""),
@@ -113,11 +91,15 @@ def _planar(of: Callable[[Any], Any], wrap: Callable[[Builtin], Builtin]) -> tup
             }
         )
 
-    angle, speed = _scalar("radian", "rad"), _scalar("radian_per_second", "rad/s")
+    (angle, read_angle), (speed, read_speed) = (
+        (one, one.read)
+        for one in (_scalar("radian", "rad"), _scalar("radian_per_second", "rad/s"))
+        if one.read is not None
+    )
     return (
         Aspect(
             Angle,
-            lambda told: angle.read(of(told).angular_position),
+            lambda told: read_angle(of(told).angular_position),
             lambda message: setpoint(math.radians(message.degrees), math.nan),  # type: ignore[attr-defined]  # an Angle
             "_angle",
             angle.safe,
@@ -125,23 +107,13 @@ def _planar(of: Callable[[Any], Any], wrap: Callable[[Builtin], Builtin]) -> tup
         ),
         Aspect(
             Speed,
-            lambda told: speed.read(of(told).angular_velocity),
+            lambda told: read_speed(of(told).angular_velocity),
             lambda message: setpoint(math.nan, message.rpm * math.pi / 30),  # type: ignore[attr-defined]  # a Speed
             "_speed",
             speed.safe,
             speed.near,
         ),
     )
-
-
-def _battery(told: Any) -> Message:  # noqa: ANN401
-    power, full = told.value.power, float(told.value.full_energy.joule)
-    percent = 100 * float(told.value.energy.joule) / full if full > 0 else math.nan
-    return Battery(volts=float(power.voltage.volt), amperes=float(power.current.ampere), percent=percent)
-
-
-def _power(told: Any) -> Message:  # noqa: ANN401
-    return Battery(volts=float(told.value.voltage.volt), amperes=float(told.value.current.ampere), percent=math.nan)
 
 
 def _types() -> dict[str, tuple[Aspect, ...]]:
@@ -169,17 +141,7 @@ def _types() -> dict[str, tuple[Aspect, ...]]:
         f"{udral}.dynamics.rotation.PlanarTs.0.1": _only_read(
             _planar(lambda told: told.value.kinematics, lambda fields: fields)
         ),
-        f"{udral}.electricity.SourceTs.0.1": (Aspect(Battery, _battery),),
-        f"{udral}.electricity.PowerTs.0.1": (Aspect(Battery, _power),),
-        "reg.udral.service.actuator.common.sp.Scalar.0.1": (
-            Aspect(
-                Level,
-                lambda told: Level(percent=100 * float(told.value)),
-                lambda message: {"value": message.percent / 100},  # type: ignore[attr-defined]  # a Level
-                safe=Level(percent=0.0),
-            ),
-        ),
-        FEEDBACK: (Aspect(Level, lambda told: Level(percent=float(told.demand_factor_pct))),),
+        **SERVICE_TYPES,
     }
     for kind in ("Real16", "Real32", "Real64"):
         found[f"uavcan.primitive.scalar.{kind}.1.0"] = (_scalar("value", ""),)
@@ -218,7 +180,7 @@ def port_fits() -> tuple[Fit, ...]:
     """Which messages nodes send, and are driven by."""
     named = [(short_name(name), one) for name, aspects in TYPES.items() for one in aspects]
     return fits_of(
-        ((one.message, kind) for kind, one in named),
+        ((one.message, kind) for kind, one in named if one.read is not None),
         ((one.message, kind) for kind, one in named if one.write is not None),
     )
 
@@ -226,4 +188,8 @@ def port_fits() -> tuple[Fit, ...]:
 def short_name(type_name: str) -> str:
     """For tables: `length`, `Real32`, `Planar`."""
     words = type_name.split(".")[:-2]
+    if type_name in GROUPS:
+        return "set points of a group"
+    if words[-2] == "battery":
+        return f"battery {words[-1]}"
     return words[-2] if words[1] == "si" else words[-1]

@@ -34,6 +34,11 @@ class RegisterAccess:
     def __init__(self, node: pycyphal.application.Node) -> None:
         self._node = node
 
+    async def info(self, node_id: int) -> Any:  # noqa: ANN401
+        """The answer to GetInfo: who a node is; None: there is none."""
+        async with self._client(uavcan.node.GetInfo_1, node_id) as ask:
+            return await _ask(ask, uavcan.node.GetInfo_1.Request())
+
     async def read_all(self, node_id: int) -> dict[str, Register] | None:
         """All registers of a node, by name; None: it has stopped answering."""
         found: dict[str, Register] = {}

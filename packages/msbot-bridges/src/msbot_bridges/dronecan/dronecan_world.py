@@ -19,7 +19,7 @@ from dronecan.driver.common import DriverError
 
 import can
 from msbot_bridges.bridge import DeviceIdentity, DeviceSetting, World, WorldHost, WorldThread
-from msbot_bridges.canbus import Neighbours, open_bus
+from msbot_bridges.canbus import Heartbeats, Neighbours, open_bus
 from msbot_bridges.dronecan.can_driver import PythonCanDriver
 from msbot_bridges.dronecan.node_device import KINDS, NodeDevice
 from msbot_bridges.dronecan.node_ids import NodeIdAllocator
@@ -60,10 +60,17 @@ class _Node:
         self.uptime_s = 0
         self.has_restarted = False
         """It is there again, and has not said anew who it is."""
+        self.heartbeats = Heartbeats()
+        self.is_doubtful = False
+        """Another device may be there now; what it reports does not count."""
         self.seen: dict[str, Any] = {}
         self.settings: list[DeviceSetting] = []
         self.is_read = False
         self.device: NodeDevice | None = None
+
+    def is_who_says(self, info: Any) -> bool:  # noqa: ANN401
+        """Whether that is what this node has said of itself."""
+        return self.unique == _unique(info) and _text(self.info.name) == _text(info.name)
 
 
 class DronecanWorld(World):
@@ -149,12 +156,26 @@ class DronecanWorld(World):
             if known is not None:
                 self._lose(known, f"node {entry.node_id} has sent no NodeStatus for 3 s")
         elif event.event_id == event.EVENT_ID_INFO_UPDATE and entry.info is not None and entry.node_id != OWN_ID:
-            if known is not None and not known.has_restarted and known.unique == _unique(entry.info):
-                return  # somebody else has asked who it is
-            if known is not None:
-                self._lose(known, f"node {entry.node_id} has started anew")
-            self._nodes[entry.node_id] = _Node(entry.node_id, entry.info)
-            self._read_setting(self._nodes[entry.node_id], 0)
+            self._is_there(entry.node_id, entry.info)
+
+    def _is_there(self, node_id: int, info: Any) -> None:  # noqa: ANN401
+        """A node has said who it is; perhaps it was asked again, or somebody else has asked."""
+        known = self._nodes.get(node_id)
+        if known is not None:
+            is_same = known.is_who_says(info)
+            if is_same and not known.has_restarted:
+                known.is_doubtful = False
+                return
+            self._lose(known, f"node {node_id} " + ("has started anew" if is_same else "is another device now"))
+        self._nodes[node_id] = _Node(node_id, info)
+        self._read_setting(self._nodes[node_id], 0)
+
+    def _ask_who(self, node_id: int) -> None:
+        def answered(event: Any) -> None:  # noqa: ANN401
+            if event is not None:
+                self._is_there(node_id, event.response)
+
+        self._node.request(uavcan.protocol.GetNodeInfo.Request(), node_id, answered)
 
     def _lose(self, known: _Node, why: str) -> None:
         self._nodes.pop(known.node_id, None)
@@ -208,6 +229,10 @@ class DronecanWorld(World):
             return
         known.has_restarted |= status.uptime_sec < known.uptime_s
         known.uptime_s, known.mode = status.uptime_sec, status.mode
+        if not known.heartbeats.fits(status.uptime_sec, event.transfer.transfer_id, time.monotonic()):
+            known.is_doubtful = True
+        if known.is_doubtful and not known.has_restarted:  # of a node that has, the library asks by itself
+            self._ask_who(known.node_id)
         if not known.has_restarted:
             self._software.lives(known, known.unique, status, version_of(known.info.software_version))
         if (device := known.device) is not None:
@@ -217,11 +242,11 @@ class DronecanWorld(World):
 
     def _heard(self, kind: str, event: Any) -> None:  # noqa: ANN401
         known = self._nodes.get(event.transfer.source_node_id)
-        if known is None:
+        if known is None or known.is_doubtful or known.has_restarted:
             return
         if known.device is None:
             known.seen[kind] = event.message
-        else:
+        elif kind in known.device.kinds:  # its ports are those of what it sent at first
             device, message = known.device, event.message
             self._thread.tell(lambda: device.heard(kind, message))
 

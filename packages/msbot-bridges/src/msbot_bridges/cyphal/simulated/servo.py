@@ -10,7 +10,7 @@ import reg.udral.service.common
 import uavcan.si.sample.angle
 import uavcan.si.unit.angle
 
-from msbot_bridges.cyphal.port_types import ENGAGED, STANDBY
+from msbot_bridges.cyphal.aspect import ENGAGED, STANDBY
 from msbot_bridges.cyphal.simulated.library_node import PERIOD_S, LibraryNode
 
 SPEED: Final = "profile.velocity"
