@@ -327,12 +327,16 @@ class Unit:
                 self._given = wanted
 
     def _be_safe(self):
-        """Nobody is in command: the type's safe values, at once and without a ramp."""
+        """Nobody is in command: the configuration's safe values, else the type's, at once and without a ramp."""
         part = self.part
         if part is not None and part.state is JoinState.ACTIVE and not part.stopped:
             return  # only one port's partner is lost, which the part has dealt with
         for name, port in self._document["ports"].items():
-            if len(port) > 3:
+            given = part and part._safe.get(name)
+            if given:
+                fields = {field: getattr(given, field) for field, _ in self._classes[name]._fields}
+                self.model.receive(name, fields, self._now, False)
+            elif len(port) > 3:
                 self.model.receive(name, port[3], self._now, False)
         if self._driver.drives:
             self.model.settle(self._now)

@@ -30,6 +30,8 @@ name = "pump"
 part = "ACME:pump"
 [slot.settings]
 ramp = 5.0
+[slot.safe]
+speed = { rpm = 150 }
 [[binding]]
 topic = "turning"
 type = "Speed"
@@ -62,4 +64,4 @@ async def test_a_pump_on_mqtt_takes_the_slot_of_one_with_modbus(tmp_path: Path) 
                 assert await other.line("speed") == "1200"
                 await robot.do("stop", who="ann", reason="")
                 await robot.until(lambda: OTHER in {one.part for one in robot.master.stop.confirmed})
-                assert await other.line("speed") == "0"
+                assert await other.line("speed") == "150", "the safe value of the slot"

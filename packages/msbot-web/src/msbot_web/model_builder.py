@@ -17,6 +17,7 @@ from msbot_web.live_values import LiveValues
 from msbot_web.models.bus_models import BusFigures, FrameLine
 from msbot_web.models.robot_models import (
     PartLine,
+    SafeLine,
     Simulated,
     SimulatedPartControl,
     SlotCard,
@@ -273,6 +274,24 @@ class ModelBuilder:
     def version_mark(self) -> object:
         """A mark that is a new object whenever somebody has changed the robot's slots, wires or settings."""
         return self._blueprint()
+
+    def safe_values(self, slot: str) -> list[SafeLine]:
+        """What STOP, or the loss of a partner, brings the ports of a slot to."""
+        found = self._blueprint().slot(slot)
+        part_type = None if found is None else self.library.get(found.part_number)
+        if found is None or part_type is None:
+            return []
+        return [
+            SafeLine(
+                port=port.name,
+                field=field,
+                value=value,
+                unit="" if port.message is None else port.message.units.get(field, ""),
+                origin="blueprint" if field in found.safe.get(port.name, {}) else "library",
+            )
+            for port in part_type.ports
+            for field, value in found.safe_at(port).items()
+        ]
 
     def ports(self) -> list[WirePort]:
         """All ports of all slots, in the order of the blueprint, with the topics they are wired to."""

@@ -324,6 +324,7 @@ class _Place:
 def _places_of(blueprint: Blueprint, library: Library) -> Mapping[str, _Place]:
     """All slots by name, in the order of the blueprint."""
     types = {slot.name: library.get(slot.part_number) for slot in blueprint.slots}
+    slots = {slot.name: slot for slot in blueprint.slots}
 
     def port_of(slot: str, name: str) -> Port | None:
         part_type = types.get(slot)
@@ -331,7 +332,7 @@ def _places_of(blueprint: Blueprint, library: Library) -> Mapping[str, _Place]:
 
     def end_of(binding: Binding, slot: str, name: str, rate_hz: float, *, publishes: bool) -> _End:
         port = port_of(slot, name)
-        return _End(binding, name, publishes, rate_hz, {} if port is None or not port.safe else port.safe)
+        return _End(binding, name, publishes, rate_hz, {} if port is None else slots[slot].safe_at(port))
 
     ends: dict[str, list[_End]] = {slot.name: [] for slot in blueprint.slots}
     for binding in blueprint.bindings:

@@ -51,6 +51,17 @@ def test_what_is_made_without_checks_is_what_the_models_take(tmp_path: Path) -> 
     show(tmp_path, scene)
 
 
+def test_what_stop_leaves_a_port_at_is_named_with_who_says_so(tmp_path: Path) -> None:
+    async def scene(rig: Rig) -> None:
+        assert rig.views.safe_values("AA") == []
+        assert [one.model_dump() for one in rig.views.safe_values("BB")] == [
+            {"port": "in", "field": "message", "value": "rest", "unit": "", "origin": "blueprint"}
+        ]
+
+    place = 'name = "BB"\npart = "EFGH"\n'
+    show(tmp_path, scene, (place, f'{place}safe.in = {{ message = "rest" }}\n'))
+
+
 def test_an_empty_slot_and_a_part_that_is_pulled_out(tmp_path: Path) -> None:
     async def scene(rig: Rig) -> None:
         assert (rig.views.slot("CC").state, rig.views.slot("CC").part) == ("empty", None)

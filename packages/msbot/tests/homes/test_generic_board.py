@@ -203,7 +203,7 @@ def test_eight_parts_measure_and_are_driven(make: Callable[..., BoardHome]) -> N
         assert look(13) == ["out", round(2.4 / 20 * FULL)]
         assert [look(pin)[1] for pin in (14, 26, 27)] == [round(FULL / 2), 1, 0]
         assert [look(pin)[1] for pin in (15, 32, 33)] == [FULL, 0, 1]
-        world.change("arm", {"max_angle": "90"})
+        world.change("arm", {"max_angle": "90", "angle.safe.degrees": "0"})
         world.change("lamp", {"brightness": "25"})
         await asyncio.sleep(1.0)
         assert look(13)[1] == round((0.5 + 0.5 * 1.9) / 20 * FULL)
@@ -211,6 +211,7 @@ def test_eight_parts_measure_and_are_driven(make: Callable[..., BoardHome]) -> N
         world.master.say_stop("ann")
         await asyncio.sleep(1.0)
         assert [look(pin)[1] for pin in (2, 12, 14, 26, 15, 33)] == [0, 1, 0, 0, 0, 0]
+        assert look(13)[1] == round(0.5 / 20 * FULL), "the safe value of its slot"
         status = world.master.inventory_service.stop.status()
         assert not status.silent, status
         world.master.say_go("ann")

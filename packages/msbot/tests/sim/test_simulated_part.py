@@ -105,6 +105,20 @@ def test_a_servo_goes_there_in_its_time_and_to_the_middle_on_stop() -> None:
     play("SG90", scene, {"speed": 100.0, "max_angle": 170.0})
 
 
+def test_the_safe_value_of_its_slot_goes_before_the_librarys_also_without_a_master() -> None:
+    async def scene(bench: Bench) -> None:
+        bench.send("angle", degrees=170.0)
+        await asyncio.sleep(3)
+        bench.unit.part._runner._signal_received(Signal.STOP, None, "test", 0.0)
+        await asyncio.sleep(3)
+        assert bench.unit.readings()["arm"] == 45
+        bench.end_master()
+        await asyncio.sleep(20)
+        assert bench.unit.readings()["arm"] == 45
+
+    play("SG90", scene, {"angle.safe.degrees": 45.0})
+
+
 def test_settings_that_change_hold_at_once_and_nonsense_changes_nothing() -> None:
     async def scene(bench: Bench) -> None:
         settings = bench.unit.part._runner.settings

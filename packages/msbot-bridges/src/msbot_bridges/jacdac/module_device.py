@@ -42,6 +42,8 @@ class ModuleDevice(ForeignDevice):
         self._settings: dict[str, tuple[int, ServiceSetting]] = {}
         self._is_stopping = False
         self._unconfirmed: dict[Register, bytes] = {}
+        self._safe: dict[str, Message] = {}
+        """What STOP leaves ports with, where the robot says it."""
         self._name_ports()
         self.outputs = [DeviceOutput(name, sensor.message) for name, sensor in self._sensors.values()]
         self.inputs = [
@@ -92,13 +94,27 @@ class ModuleDevice(ForeignDevice):
         self.module.keep(index, {setting.register: setting.form.write(float(value) / setting.scale)})
         self._wake()
 
+    def safe_is(self, port: str, message: Message) -> None:
+        """See `ForeignDevice`: `stop` writes it, and waits for it, where its power need not be off."""
+        if not self._actuators[port][1].stops_without_power:
+            self._safe[port] = message
+
+    def rest(self) -> None:
+        """See `ForeignDevice`: lamps and switches have got their safe values."""
+        for index, actuator in self._actuators.values():
+            if actuator.stops_without_power:
+                self.module.keep(index, actuator.stop(self.module.registers(index)))
+        self.module.write_at_once()
+        self._wake()
+
     def stop(self) -> None:
         """See `ForeignDevice`."""
         if not self._is_stopping:
             self._is_stopping = True
             self._unconfirmed = {}
-            for index, actuator in self._actuators.values():
-                registers = actuator.stop(self.module.registers(index))
+            for port, (index, actuator) in self._actuators.items():
+                known, safe = self.module.registers(index), self._safe.get(port)
+                registers = actuator.stop(known) if safe is None else actuator.write(safe, known)
                 self.module.keep(index, registers)
                 self._unconfirmed |= {(index, register): data for register, data in registers.items()}
         self.module.write_at_once()
@@ -109,13 +125,15 @@ class ModuleDevice(ForeignDevice):
         """See `ForeignDevice`."""
         self._is_stopping = False
         self._unconfirmed = {}
+        self._safe = {}
 
     @property
     def not_stopped(self) -> str:
         """See `ForeignDevice`."""
         for port, (index, actuator) in self._actuators.items():
             if any(service == index for service, _ in self._unconfirmed):
-                return f"{port} has not reported {actuator.stopped}"
+                what = "its safe value" if port in self._safe else actuator.stopped
+                return f"{port} has not reported {what}"
         return ""
 
     def identify(self) -> None:

@@ -131,6 +131,8 @@ class Actuator(ServiceKind):
     """Registers of the safest state; it has stopped when all of them have been reported."""
     stopped: str = field(kw_only=True)
     """What it has to report, in words."""
+    stops_without_power: bool = field(default=False, kw_only=True)
+    """It moves or sounds: nobody in command means off, whatever its safe value is."""
     ranges: Callable[[Registers], Mapping[str, tuple[float, float]]] = field(default=lambda _: {}, kw_only=True)
     """The least and the greatest value of the message's fields."""
 
@@ -316,6 +318,7 @@ SERVICES: Mapping[int, ServiceKind] = {
         ranges=_angle_range,
         stop=lambda _: {INTENSITY: b"\0"},
         stopped="that its power is off",
+        stops_without_power=True,
     ),
     0x17004CD8: Actuator(
         "power",
@@ -326,6 +329,7 @@ SERVICES: Mapping[int, ServiceKind] = {
         safe=Level(percent=0),
         stop=lambda _: {VALUE: b"\0\0", INTENSITY: b"\0"},
         stopped="that its power is off",
+        stops_without_power=True,
     ),
     0x1CAB054C: Actuator(
         "brightness",
@@ -359,6 +363,7 @@ SERVICES: Mapping[int, ServiceKind] = {
         safe=Tone(hertz=0, seconds=0),
         stop=lambda _: {INTENSITY: b"\0"},
         stopped="that its volume is 0",
+        stops_without_power=True,
     ),
 }
 """By class. Other services are left out; the bridge names a device that has none of these."""

@@ -53,6 +53,8 @@ class ModbusDevice(ForeignDevice):
         self._points: Mapping[str, ModbusPoint] = {one.name: one for one in table.points}
         self._report: Report | None = None
         self._is_stopping = False
+        self._safe = {one.name: one.safe for one in table.of_role(PointUse.IN) if one.safe is not None}
+        """Points and their safe values: those of the table, or of the robot."""
         self._unconfirmed = set[str]()
         """Points that must still be read with their safe value."""
         self._written = set[str]()
@@ -78,6 +80,10 @@ class ModbusDevice(ForeignDevice):
         """See `ForeignDevice`."""
         self._write(self._points[name], float(value), False)
 
+    def safe_is(self, port: str, message: Message) -> None:
+        """See `ForeignDevice`: `stop` writes it, and waits for it."""
+        self._safe[port] = self._points[port].value_of(message)
+
     def stop(self) -> None:
         """See `ForeignDevice`."""
         driven = self.table.of_role(PointUse.IN)
@@ -86,9 +92,8 @@ class ModbusDevice(ForeignDevice):
             self._written.clear()
             self._unconfirmed = {one.name for one in driven} | {one.confirmed_by for one in driven if one.confirmed_by}
         for point in driven:
-            assert point.safe is not None
             if point.name in self._unconfirmed or point.confirmed_by in self._unconfirmed:
-                self._write(point, point.safe, True)
+                self._write(point, self._safe[point.name], True)
 
     def rest(self) -> None:
         """See `ForeignDevice`: the safe values of the ports have come by `act`."""
@@ -118,7 +123,7 @@ class ModbusDevice(ForeignDevice):
 
     def was_written(self, point: ModbusPoint, value: float) -> None:
         """The device has taken a value."""
-        if self._is_stopping and value == point.safe:
+        if self._is_stopping and value == self._safe.get(point.name):
             self._written.add(point.name)
 
     def read(self, point: ModbusPoint, value: float) -> None:
@@ -133,12 +138,12 @@ class ModbusDevice(ForeignDevice):
         for driven in self.table.of_role(PointUse.IN):
             if point.name not in (driven.name, driven.confirmed_by) or driven.name not in self._written:
                 continue
-            assert driven.safe is not None
-            if point.is_at(value, driven.safe):
+            safe = self._safe[driven.name]
+            if point.is_at(value, safe):
                 self._unconfirmed.discard(point.name)
             elif point.name not in self._unconfirmed:
                 self._unconfirmed.add(point.name)  # somebody else has written it: it is written again
-                self._write(driven, driven.safe, True)
+                self._write(driven, safe, True)
         if was_waiting and not self._unconfirmed:
             self._news(self)
 

@@ -194,12 +194,14 @@ class RobotInHa:
         self._tell(f"{self._base}/stopped", "ON" if self._master.stop.stopped else "OFF")
         by_hand = self._operations.by_hand.sent_values()
         for slot, known in self._slots.items():
+            place = self._master.blueprint.slot(slot)
             holder = self._master.inventory.holder(slot, self._clock())
             is_there = holder is not None and holder.state.is_registered
             self._tell(f"{self._base}/{topic_word(slot)}/status", "online" if is_there else "offline")
             for one in known.shown:
-                if self._master.stop.stopped and one.is_driven and one.safe is not None:
-                    values: Mapping[str, Any] = {one.field: one.safe}
+                safe = one.safe if place is None else place.safe.get(one.port, {}).get(one.field, one.safe)
+                if self._master.stop.stopped and one.is_driven and safe is not None:
+                    values: Mapping[str, Any] = {one.field: safe}
                 else:
                     values = by_hand.get((slot, one.port)) or self._on_wire(slot, one.port)
                 text = state_text(values[one.field]) if one.field in values else None

@@ -143,8 +143,8 @@ def _configuration(blueprint: Blueprint, library: Library, name: str) -> Configu
     values = {one.name: one.default for one in part_type.parameters} | dict(slot.settings)
     bound = {one.port for one in bindings if not one.publishes}
     for port in part_type.ports:
-        if port.name in bound:
-            values |= {safe_setting(port.name, field): value for field, value in (port.safe or {}).items()}
+        if port.name in bound or port.name in slot.safe:
+            values |= {safe_setting(port.name, field): value for field, value in slot.safe_at(port).items()}
     return Configuration(1, name, bindings, tuple(sorted((key, scalar_text(value)) for key, value in values.items())))
 
 

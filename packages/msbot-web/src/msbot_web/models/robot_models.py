@@ -162,6 +162,17 @@ class Me(Model):
     """What a changing request shows in the header `X-CSRF-Token` when it comes with the cookie."""
 
 
+class SafeLine(Model):
+    """A field of the safe value of a slot's port."""
+
+    port: str
+    field: str
+    value: Scalar
+    unit: str
+    origin: str
+    """`library` or `blueprint`: who says so."""
+
+
 class Value(Model):
     """One parameter of a slot."""
 

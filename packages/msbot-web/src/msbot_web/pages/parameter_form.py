@@ -29,6 +29,7 @@ class _Form:
         self._page = page
         self._slot = slot
         self._form = ui.column().classes("w-full").style("gap:.4rem")
+        self._safe = ui.column().classes("w-full").style("gap:.2rem")
         self._lines: dict[str, _ParameterRow] = {}
         self._mark: object = None
         page.every_look(self._look, self._form)
@@ -41,6 +42,7 @@ class _Form:
 
     async def read(self) -> None:
         """Show what holds now."""
+        self._show_safe()
         try:
             values = await self._page.service.values(self._slot)
         except MsbotError as error:
@@ -55,6 +57,17 @@ class _Form:
         else:
             for value in values:
                 self._lines[value.name].show(value)
+
+    def _show_safe(self) -> None:
+        page = self._page
+        self._safe.clear()
+        with self._safe:
+            for line in page.service.views.safe_values(self._slot):
+                value = f"{value_words(line.value, page.language)} {line.unit}".rstrip()
+                words = page.translate("On STOP: {port} {value}", port=f"{line.port}.{line.field}", value=value)
+                with ui.element("div").classes("row w-full"):
+                    ui.label(words).classes("soft").style("flex:1")
+                    ui.html(render("origin", origin=line.origin, words=page.translate(line.origin)), sanitize=False)
 
     def _say(self, words: str) -> None:
         self._lines = {}

@@ -101,9 +101,10 @@ def _safe_of(blueprint: Blueprint, library: Library, topic: str) -> Message | No
             slot = blueprint.slot(end.slot)
             part_type = None if slot is None else library.find(slot.part_number)
             port = None if part_type is None else part_type.port(end.port)
-            if port is None or port.safe is None or port.message is None:
+            safe = {} if slot is None or port is None else slot.safe_at(port)
+            if port is None or not safe or port.message is None:
                 return None
-            found.append((port.message, dict(port.safe)))
+            found.append((port.message, dict(safe)))
     if not found or any(other != found[0] for other in found):
         return None
     return message_of(*found[0])

@@ -161,7 +161,9 @@ class ManualControl:
         except RegistryError:
             inventory.hand.let_go(slot, declared.name)
             raise
-        safe = None if declared.safe is None else message_of(declared.message, declared.safe)
+        place = self._running.blueprint.slot(slot)
+        stated = declared.safe if place is None else place.safe_at(declared)
+        safe = message_of(declared.message, stated) if stated else None
         writer = self._running.master.space.writer(Topic(held.topic, held.type_name), Qos(), _GUID)
         hold = _Hold(held, message, safe, writer, who, self._running.now())
         self._holds[slot, declared.name] = hold

@@ -439,6 +439,10 @@ class Part:
         """Whether STOP was said and GO was not yet: no message reaches a function, and nothing should move."""
         return self._runner.safety.stopped
 
+    def safe_value(self, port: str) -> Message | None:
+        """The safe value of a port in the part's slot, kept while the part is out of its robot; None: it has none."""
+        return self._runner.safety.value_at(port)
+
     @property
     def busy_with(self) -> tuple[str, float] | None:
         """The function that is running now and when it began, by the loop's clock; None: no function is running."""

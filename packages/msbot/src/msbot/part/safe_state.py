@@ -118,6 +118,10 @@ class Safety:
         waits = self._is_asked or (self._is_masters and self._told)  # for the answer, or to be told again
         return (*confirms, 0) if self.is_held or not (confirms or waits) else confirms
 
+    def value_at(self, port: str) -> Message | None:
+        """The safe value of a port by the latest configuration; None: that has none."""
+        return self._messages.get(port)
+
     def configure(self, safe: Mapping[str, str]) -> None:
         """Take the safe values of a configuration: `PORT.safe.FIELD` -> text."""
         by_port: dict[str, dict[str, str]] = {}

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from sqlalchemy import Connection, select
 
 from msbot.config import Scalar, scalar_text
-from msbot.part.join.pnp_messages import safe_setting
+from msbot.part.join.pnp_messages import SAFE_MARK, safe_setting
 from msbot.pnp import Configuration, SlotBinding
 from msbot.registry.database.tables import bindings, library, settings, slots
 
@@ -30,7 +30,7 @@ def read_configurations(connection: Connection, robot_id: int) -> dict[str, Conf
             version=row.configuration_version,
             slot=row.name,
             bindings=tuple(of_bindings[row.id]),
-            settings=_as_text(of_settings[row.id] | _safe_values(row.ports or [], of_bindings[row.id])),
+            settings=_as_text(_safe_values(row.ports or [], of_bindings[row.id], of_settings[row.id])),
         )
         for row in connection.execute(query)
     }
@@ -57,15 +57,19 @@ def _settings(connection: Connection, robot_id: int) -> defaultdict[int, dict[st
     return found
 
 
-def _safe_values(ports: Sequence[Mapping[str, object]], of: Sequence[SlotBinding]) -> dict[str, Scalar]:
-    """The safe values that the slot's type declares for its bound ports, as settings `PORT.safe.FIELD`."""
-    bound = {binding.port for binding in of if not binding.publishes}
+def _safe_values(
+    ports: Sequence[Mapping[str, object]], of: Sequence[SlotBinding], stated: Mapping[str, Scalar]
+) -> dict[str, Scalar]:
+    """The settings with the safe values of ports, `PORT.safe.FIELD`: those that the slot's type declares for its bound
+    ports, unless the blueprint states others; what that states, holds without a wire, too."""
+    concerned = {binding.port for binding in of if not binding.publishes}
+    concerned |= {name.partition(SAFE_MARK)[0] for name in stated if SAFE_MARK in name}
     values: dict[str, Scalar] = {}
     for port in ports:
         safe = port["safe"]
-        if port["name"] in bound and isinstance(safe, dict):
+        if port["name"] in concerned and isinstance(safe, dict):
             values |= {safe_setting(str(port["name"]), field): value for field, value in safe.items()}
-    return values
+    return values | dict(stated)
 
 
 def _as_text(values: Mapping[str, Scalar]) -> tuple[tuple[str, str], ...]:

@@ -219,15 +219,17 @@ class ModelPart:
         self._world.join(self._time())
 
     def _be_safe(self) -> None:
-        """Nobody is in command: apply the library's safe values, whatever the robot's configuration said.
+        """Nobody is in command: apply the safe values of the robot's configuration, otherwise the library's.
 
         When only a port's partner is lost, the part stays active and has already given that port its safe value itself.
         """
         if self._is_commanded:
             return
         for port in self.part_type.ports:
-            if port.safe is not None:
-                self._world.receive(port.name, port.safe, self._time(), counts=False)
+            given = self.part.safe_value(port.name)
+            safe = port.safe if given is None else leaves_of(given)
+            if safe is not None:
+                self._world.receive(port.name, safe, self._time(), counts=False)
         self._resume()
 
     @property

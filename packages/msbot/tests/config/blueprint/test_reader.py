@@ -165,7 +165,7 @@ def test_several_mistakes_are_told_at_once_in_order(tmp_path: Path) -> None:
         "4 problems were found:",
         '  robot.toml, line 4, robot.name: is missing; add a line such as name = "MSBOT_MASTER"',
         "  robot.toml, line 27, slot[0].colour: there is no such key here; "
-        'known: "description", "local_name", "name", "part", "settings"',
+        'known: "description", "local_name", "name", "part", "safe", "settings"',
         '  robot.toml, line 35, slot[1].part: the library has no part number "EFGX"; did you mean "EFGH"?',
         '  robot.toml, line 57, binding[0].reliable: must be true or false, without quotes; it is the text "yes"',
     ]

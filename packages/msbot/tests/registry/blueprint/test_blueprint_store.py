@@ -253,3 +253,23 @@ def test_the_safe_values_of_bound_ports_travel_with_the_settings_and_a_change_of
     store = _apply(registry, replace(ROBOT, bindings=wires), Library([brighter, LEG]))
     assert ("lamp.safe.lux", "5") in store.configuration("left").settings
     assert _versions(store) == [before[0] + 1, *before[1:]]
+
+
+def test_a_safe_value_of_the_slot_goes_before_the_librarys_with_or_without_a_wire_and_comes_back(
+    registry: Registry,
+) -> None:
+    stated = replace(
+        ROBOT,
+        slots=tuple(replace(one, safe={"lamp": {"lux": 7}}) if one.name == "left" else one for one in ROBOT.slots),
+    )
+    store = _apply(registry, ROBOT)
+    before = _versions(store)
+    store = _apply(registry, stated)
+    assert ("lamp.safe.lux", "7") in store.configuration("left").settings
+    assert _versions(store) == [before[0] + 1, *before[1:]]
+    assert store.blueprint.slots == stated.slots
+    wires = (WIRE, Binding("glow", "Light", SlotPort("right", "light"), (SlotPort("left", "lamp"),)))
+    store = _apply(registry, replace(stated, bindings=wires))
+    assert ("lamp.safe.lux", "7") in store.configuration("left").settings
+    store = _apply(registry, replace(ROBOT, bindings=wires))
+    assert ("lamp.safe.lux", "0") in store.configuration("left").settings

@@ -22,13 +22,14 @@ from msbot.config.blueprint.blueprint_model import (
 )
 from msbot.config.blueprint.check import check_bindings, check_free_topics, check_slots, check_timing
 from msbot.config.library.part_library import Library, load_library
-from msbot.config.library.part_types import scalar_text
+from msbot.config.library.part_types import PartType, scalar_text
+from msbot.config.library.safe_values import read_safe
 from msbot.stop.socket_names import group_in
 from msbot_agent.ros.node_names import GLOBAL_TOPICS, is_topic
 from msbot_agent.text.sentence import said
 from msbot_agent.toml.document import Document, parse_document, read_document
 from msbot_agent.toml.problems import Problems, quoted
-from msbot_agent.toml.table import Table
+from msbot_agent.toml.table import Scalar, Table
 from msbot_xrce.errors import ConfigError
 
 ADOPTED = "adopted"
@@ -116,7 +117,7 @@ def _read(document: Document, problems: Problems, library: Library, path: Path |
     ros = _read_ros(table.table("ros"))
     bridges = [_read_bridge(entry) for entry in table.tables("bridge")]
     slot_tables, binding_tables = table.tables("slot"), table.tables("binding")
-    slots = [_read_slot(entry) for entry in slot_tables]
+    slots = [_read_slot(entry, library) for entry in slot_tables]
     bindings = [_read_binding(entry) for entry in binding_tables]
     table.finish()
     check_slots(table, slot_tables, slots, library)
@@ -207,16 +208,27 @@ def _read_bridge(table: Table) -> BridgeTable:
     return bridge
 
 
-def _read_slot(table: Table) -> Slot:
+def _read_slot(table: Table, library: Library) -> Slot:
+    name, part_number = table.name("name", "AA", forbidden="."), table.name("part", "ABCD")
     slot = Slot(
-        name=table.name("name", "AA", forbidden="."),
-        part_number=table.name("part", "ABCD"),
+        name=name,
+        part_number=part_number,
         local_name=table.name("local_name", "ABCD-local", default=""),
         description=table.text("description", "light sensor, 5V"),
         settings=table.scalars("settings"),
+        safe=_read_safe(table.table("safe"), library.get(part_number)),
     )
     table.finish()
     return slot
+
+
+def _read_safe(table: Table, part_type: PartType | None) -> dict[str, dict[str, Scalar]]:
+    """The safe values of a slot, by port; `check_slots` says what is wrong with them."""
+    found = {}
+    for name in table.present_keys():
+        port = None if part_type is None else part_type.port(name)
+        found[name] = read_safe(table.table(name), None if port is None else port.message)
+    return found
 
 
 def _read_binding(table: Table) -> Binding:

@@ -119,6 +119,12 @@ def _slot(slot: Slot, notes: Mapping[tuple[str, str], str]) -> Iterator[str]:
         yield "[slot.settings]"
         for name, value in slot.settings.items():
             yield f"{toml_key(name)} = {toml_value(value)}{_note(notes, slot.name, name)}"
+    if slot.safe:
+        yield ""
+        yield "[slot.safe]"
+        for port, values in slot.safe.items():
+            pairs = ", ".join(f"{toml_key(name)} = {toml_value(value)}" for name, value in values.items())
+            yield f"{toml_key(port)} = {{ {pairs} }}"
 
 
 def _binding(binding: Binding, notes: Mapping[tuple[str, str], str]) -> Iterator[str]:
@@ -164,7 +170,14 @@ def blueprint_mark(blueprint: Blueprint) -> str:
     The order of slots, topics, settings and receivers does not count, nor which preset the times were written with.
     """
     timing = replace(blueprint.timing, preset=preset_of(blueprint.timing))
-    slots = [replace(slot, settings=dict(sorted(slot.settings.items()))) for slot in blueprint.slots]
+    slots = [
+        replace(
+            slot,
+            settings=dict(sorted(slot.settings.items())),
+            safe={port: dict(sorted(values.items())) for port, values in sorted(slot.safe.items())},
+        )
+        for slot in blueprint.slots
+    ]
     bindings = [replace(one, targets=tuple(sorted(one.targets, key=str))) for one in blueprint.bindings]
     plain = replace(
         blueprint,

@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from dataclasses import field
 from pathlib import Path
 
+from msbot.config.library.part_types import Port
 from msbot_agent.toml.table import Scalar
 from msbot_xrce.lazy import dataclass
 
@@ -64,11 +65,17 @@ class Slot:
     description: str = ""
     settings: Mapping[str, Scalar] = field(default_factory=dict)
     """Values for parameters of the part type."""
+    safe: Mapping[str, Mapping[str, Scalar]] = field(default_factory=dict)
+    """Port -> fields of its safe value in this slot; the library's holds for other fields and ports."""
 
     @property
     def wanted_name(self) -> str:
         """The local name that a part shows to ask for exactly this slot."""
         return self.local_name or self.name
+
+    def safe_at(self, port: Port) -> Mapping[str, Scalar]:
+        """The safe value of a port of the part in this slot; empty: it has none."""
+        return {**(port.safe or {}), **self.safe.get(port.name, {})}
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,6 +12,7 @@ from msbot.config.blueprint.blueprint_model import Binding, Slot, SlotPort, Timi
 from msbot.config.library.board_document import board_documents
 from msbot.config.library.board_wiring import wired_parts
 from msbot.config.library.part_library import Direction, Library, PartType, scalar_text
+from msbot.config.library.safe_values import safe_faults
 from msbot.service_types import reply_topic, request_topic, service_type
 from msbot_agent.text.sentence import said
 from msbot_agent.toml.problems import MOST_LISTED, quoted, suggestion
@@ -101,6 +102,7 @@ def check_slots(root: Table, tables: Sequence[Table], slots: Sequence[Slot], lib
         part_type = library.get(slot.part_number)
         if part_type is not None:
             _check_settings(table, slot, part_type, library)
+            _check_safe(table, slot, part_type)
         elif slot.part_number:
             table.report(
                 said(
@@ -131,6 +133,20 @@ def _check_settings(table: Table, slot: Slot, part_type: PartType, library: Libr
                 said("{fault}; the library's default is {example}", fault=fault, example=example), "settings", name
             )
     _check_wired(table, slot, part_type, library)
+
+
+def _check_safe(table: Table, slot: Slot, part_type: PartType) -> None:
+    """Check that each safe value is one that a port of the part takes."""
+    driven = [port.name for port in part_type.ports if port.direction is Direction.SUBSCRIBE]
+    for name, values in slot.safe.items():
+        port = part_type.port(name)
+        if port is None or name not in driven:
+            right = suggestion(name, driven, none_known=said("it has none that is driven: remove the line"))
+            words = said('part {number} has no port "{name}" that is driven', number=part_type.number, name=name)
+            table.report(said("{words}; {right}", words=words, right=right), "safe", name)
+            continue
+        for field, fault in safe_faults(port, values):
+            table.report(fault, "safe", name, field)
 
 
 def _check_wired(table: Table, slot: Slot, part_type: PartType, library: Library) -> None:

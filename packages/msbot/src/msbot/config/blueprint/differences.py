@@ -117,6 +117,18 @@ def _slot(old: Slot, new: Slot) -> Iterator[Difference]:
             yield Difference("changed", joined(", ", (where, name)), _words(before), _words(after))
     for name in dict.fromkeys((*old.settings, *new.settings)):
         yield from _setting(joined(", ", (where, name)), old.settings.get(name), new.settings.get(name))
+    before_safe, after_safe = _safe_words(old), _safe_words(new)
+    for name in dict.fromkeys((*before_safe, *after_safe)):
+        yield from _setting(joined(", ", (where, name)), before_safe.get(name), after_safe.get(name))
+
+
+def _safe_words(slot: Slot) -> dict[str, Scalar]:
+    """The safe values of a slot, by `safe PORT.FIELD`."""
+    return {
+        said("safe {port}", port=f"{port}.{field}"): value
+        for port, values in slot.safe.items()
+        for field, value in values.items()
+    }
 
 
 def _setting(where: str, old: Scalar | None, new: Scalar | None) -> Iterator[Difference]:
@@ -178,7 +190,8 @@ def _unordered(topic: _Topic) -> tuple[object, ...]:
 
 def _slot_words(slot: Slot) -> str:
     part = said("part {number}", number=slot.part_number)
-    return joined(", ", (part, *(f"{name} = {_words(value)}" for name, value in slot.settings.items())))
+    values = {**slot.settings, **_safe_words(slot)}
+    return joined(", ", (part, *(f"{name} = {_words(value)}" for name, value in values.items())))
 
 
 def _words(value: Scalar | tuple[str, ...]) -> str:

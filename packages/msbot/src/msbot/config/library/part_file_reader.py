@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import json
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 from msbot.config.library.board_drivers import BOARD_DRIVERS, I2C_WIRES
 from msbot.config.library.field_types import FieldKind, ListType, MessageType
@@ -25,12 +24,13 @@ from msbot.config.library.part_types import (
     Supply,
 )
 from msbot.config.library.picture import picture_fault
+from msbot.config.library.safe_values import read_safe, safe_faults
 from msbot.config.library.simulator_reader import SimulatorReader
 from msbot.config.library.versions import ANY_VERSION, VERSION_SIGN, VersionRange, parse_versions
 from msbot.service_types import ServiceType
 from msbot_agent.toml.document import Document
 from msbot_agent.toml.problems import Problems, suggestion, toml_value_in_words
-from msbot_agent.toml.table import Scalar, Table
+from msbot_agent.toml.table import Table
 from msbot_xrce.lazy import dataclass
 
 # Reads what can be configured about a part: its parameters, and the options of its driver.
@@ -263,7 +263,7 @@ def _read_port(table: Table, known: Mapping[str, MessageType]) -> Port:
         direction=direction,
         type_name=type_name,
         rate_hz=table.number("rate_hz", default=0.0, least=0.0, most=_MOST_HZ, unit="times a second"),
-        safe=_read_safe(table, message) if "safe" in table else None,
+        safe=read_safe(table.table("safe"), message) if "safe" in table else None,
         stop=table.text("stop", "on"),
         description=table.text("description", "How bright it is"),
         message=message,
@@ -273,7 +273,8 @@ def _read_port(table: Table, known: Mapping[str, MessageType]) -> Port:
     if port.safe is not None and port.direction is not Direction.SUBSCRIBE:
         table.report("only a port that subscribes can have a safe value; remove it", "safe")
     elif port.safe is not None and message is not None:
-        _check_safe(table, port, message)
+        for name, fault in safe_faults(port, port.safe):
+            table.report(fault, "safe", name)
     if port.stop:
         _check_stop(table, port, message)
     table.finish()
@@ -299,39 +300,6 @@ def _read_port_type(table: Table, key: str, known: Mapping[str, MessageType]) ->
         right = suggestion(name, sorted(known), none_known="declare it")
         table.report(f'there is no message type "{name}"; {right} Or declare it in a table [[type]]', key)
     return name, message
-
-
-def _read_safe(table: Table, message: MessageType | None) -> dict[str, Scalar]:
-    """The leaves of a safe value; what has fields inside may be a table, a list is one."""
-    inner = table.table("safe")
-    found: dict[str, Scalar] = {}
-    for name in inner.present_keys():
-        value = inner.item(name)
-        kind = None if message is None else message.fields.get(name)
-        if isinstance(value, dict) and isinstance(kind, MessageType):
-            found |= {f"{name}.{way}": one for way, one in _flat(value)}
-        elif isinstance(value, list) and isinstance(kind, ListType):
-            found[name] = _list_text(value)
-        elif isinstance(value, bool | int | float | str):
-            found[name] = value
-        else:
-            inner.scalar(name)
-    return found
-
-
-def _flat(values: Mapping[str, object]) -> Iterator[tuple[str, Scalar]]:
-    for name, value in values.items():
-        if isinstance(value, dict):
-            yield from ((f"{name}.{way}", one) for way, one in _flat(value))
-        elif isinstance(value, bool | int | float | str):
-            yield name, value
-        else:
-            yield name, _list_text(value)
-
-
-def _list_text(value: object) -> str:
-    """A list as one leaf."""
-    return json.dumps(value, default=str)
 
 
 def _read_ranges(table: Table, message: MessageType | None) -> dict[str, tuple[float, float]]:
@@ -365,16 +333,6 @@ def _check_stop(table: Table, port: Port, message: MessageType | None) -> None:
         flags = [name for name, kind in message.fields.items() if kind is FieldKind.BOOL]
         right = suggestion(port.stop, flags, none_known="remove it")
         table.report(f'a {message.name} has no field "{port.stop}" that is true or false; {right}', "stop")
-
-
-def _check_safe(table: Table, port: Port, message: MessageType) -> None:
-    for name, value in (port.safe or {}).items():
-        kind = message.leaves.get(name)
-        if kind is None:
-            right = suggestion(name, list(message.leaves), none_known="remove it")
-            table.report(f'a {message.name} has no field "{name}"; {right}', "safe", name)
-        elif fault := kind.fault(value) or port.fault(name, value):
-            table.report(fault, "safe", name)
 
 
 def _read_supply(table: Table) -> Supply | None:

@@ -24,6 +24,7 @@ from msbot.config import (
     Timing,
     preset_of,
 )
+from msbot.part.join.pnp_messages import SAFE_MARK
 from msbot.registry.configurations import ORIGINS
 from msbot.registry.database.tables import (
     BRIDGES,
@@ -129,6 +130,7 @@ def _slots(connection: Connection, robot_id: int, *, by_hand: bool) -> tuple[Slo
     mine = select(slots).where(slots.c.robot_id == robot_id, slots.c.in_blueprint).order_by(slots.c.position)
     found = connection.execute(mine if by_hand else mine.where(slots.c.origin == "blueprint")).all()
     values: dict[int, dict[str, Scalar]] = {row.id: {} for row in found}
+    safe: dict[int, dict[str, dict[str, Scalar]]] = {row.id: {} for row in found}
     query = (
         select(settings)
         .join(slots, settings.c.slot_id == slots.c.id)
@@ -137,9 +139,16 @@ def _slots(connection: Connection, robot_id: int, *, by_hand: bool) -> tuple[Slo
     )
     rows = sorted(connection.execute(query).all(), key=lambda row: ORIGINS.index(row.origin))
     for row in rows:
-        if row.slot_id in values:
+        port, is_safe, field = row.name.partition(SAFE_MARK)
+        if row.slot_id not in values:
+            continue
+        if is_safe:
+            safe[row.slot_id].setdefault(port, {})[field] = row.value
+        else:
             values[row.slot_id][row.name] = row.value
-    return tuple(Slot(row.name, row.part_number, row.local_name, row.description, values[row.id]) for row in found)
+    return tuple(
+        Slot(row.name, row.part_number, row.local_name, row.description, values[row.id], safe[row.id]) for row in found
+    )
 
 
 def _bindings(connection: Connection, robot_id: int, *, by_hand: bool) -> tuple[Binding, ...]:

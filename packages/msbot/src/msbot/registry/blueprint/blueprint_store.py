@@ -27,6 +27,7 @@ from msbot.config import (
     Scalar,
     Slot,
 )
+from msbot.part.join.pnp_messages import safe_setting
 from msbot.registry.configurations import read_configurations
 from msbot.registry.database.statements import bump_versions, find_robot, upsert, upsert_many
 from msbot.registry.database.tables import (
@@ -151,7 +152,10 @@ def _put_settings(
         for parameter in () if part_type is None else part_type.parameters:
             wanted[slot_id, parameter.name, "library"] = parameter.default
             parameters[slot_id, parameter.name] = parameter
-        wanted |= {(slot_id, name, "blueprint"): value for name, value in slot.settings.items()}
+        stated = {
+            safe_setting(port, field): value for port, values in slot.safe.items() for field, value in values.items()
+        }
+        wanted |= {(slot_id, name, "blueprint"): value for name, value in {**slot.settings, **stated}.items()}
     for setting in present.keys() - wanted.keys():
         known = parameters.get(setting[:2])
         if setting[2] != "hand" or known is None or known.fault(present[setting]) is not None:

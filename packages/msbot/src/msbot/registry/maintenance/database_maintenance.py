@@ -17,6 +17,7 @@ from pathlib import Path
 from sqlalchemy import Connection, Engine, delete, func, insert, select, text
 
 from msbot.config import binding_faults
+from msbot.part.join.pnp_messages import SAFE_MARK
 from msbot.process.worker_pool import WorkLimits, run_limited
 from msbot.registry.blueprint import blueprint_reader
 from msbot.registry.database import statements
@@ -92,15 +93,18 @@ def _of_robot(connection: Connection, robot_id: int) -> Iterator[str]:
 def _of_settings(connection: Connection, robot_id: int) -> Iterator[str]:
     """Check that every parameter of every slot has the library's value, and that every value has a parameter."""
     query = (
-        select(slots.c.name, library.c.parameters, slots.c.id)
+        select(slots.c.name, library.c.parameters, library.c.ports, slots.c.id)
         .join(library, slots.c.part_number == library.c.number)
         .where(slots.c.robot_id == robot_id, slots.c.in_blueprint)
     )
     for slot in connection.execute(query.order_by(slots.c.position)).all():
         known = {parameter["name"] for parameter in slot.parameters}
         rows = connection.execute(select(settings.c.name, settings.c.origin).where(settings.c.slot_id == slot.id)).all()
+        ports = {port["name"] for port in slot.ports}
         for name in sorted({row.name for row in rows} - known):
-            yield f"slot {slot.name} has a value for {name}, which its part type does not have"
+            port, is_safe, _ = name.partition(SAFE_MARK)
+            if not is_safe or port not in ports:
+                yield f"slot {slot.name} has a value for {name}, which its part type does not have"
         for name in sorted(known - {row.name for row in rows if row.origin == "library"}):
             yield f"slot {slot.name} has no default for {name}"
 
