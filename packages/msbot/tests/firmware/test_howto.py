@@ -1,4 +1,4 @@
-"""The page "An STM32 from nothing", followed to the letter as far as a computer without a board can."""
+"""The page "Set up an STM32", followed to the letter as far as a computer without a board can."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@ from msbot_xrce.errors import LocalProtocolError
 from tests import ROOT
 from tests.effort import tries
 
-DOCS = ROOT / "docs" / "explain"
+DOCS = ROOT / "docs"
 
 
 def test_life_status_is_3_after_registration_and_after_each_beat() -> None:
@@ -100,11 +100,11 @@ def diagram() -> str:
 
 
 def test_the_docs_show_the_table() -> None:
-    assert diagram() in (DOCS / "part_states.md").read_text(encoding="utf-8")
+    assert diagram() in (DOCS / "reference/part_states.md").read_text(encoding="utf-8")
 
 
 def test_the_docs_timing_table_is_that_of_the_presets() -> None:
-    page = (DOCS / "plug_and_play.md").read_text(encoding="utf-8")
+    page = (DOCS / "explain/plug_and_play.md").read_text(encoding="utf-8")
     for name, timing in (("thesis (default)", THESIS_TIMING), ("`fast`", FAST_TIMING)):
         late = f"{timing.late_s:g} to {2 * timing.beat_s:g} s"
         bounds = f"{timing.shortest_detection_s:g} s | {timing.longest_detection_s:g} s"
