@@ -229,6 +229,31 @@ def test_an_update_that_takes_the_computer_down_falls_back_after_two_starts(stor
 
 
 @needs_dpkg
+def test_each_version_gets_the_database_that_it_had_itself(store: Store, tmp_path: Path) -> None:
+    """Also that of the image, when another update came in between: it could not open a newer one."""
+    for version in ("0.2.0", "0.3.0"):
+        store.take_in(package(tmp_path, version), "0.1.0")
+        store.begin()
+        store.database.write_text(f"of {version}")
+        store.end_trial(healthy=version == "0.2.0")
+    assert store.begin() == Versions(current="0.2.0", told="fell back")
+    assert store.database.read_text() == "of 0.2.0"
+    store.ask_back()
+    assert store.begin() == Versions(told="went back")
+    assert store.database.read_text() == "old"
+    assert (tmp_path / "msbot/robot.db.of-0.3.0").read_text() == "of 0.3.0"
+    assert sorted(path.name for path in (tmp_path / "card").iterdir()) == ["versions", "versions.json"]
+
+
+@needs_dpkg
+def test_a_way_back_before_the_first_start_leaves_the_database_alone(store: Store, tmp_path: Path) -> None:
+    store.take_in(package(tmp_path, "0.2.0"), "0.1.0")
+    store.ask_back()
+    assert store.begin().current == ""
+    assert store.database.read_text() == "old"
+
+
+@needs_dpkg
 def test_the_one_before_the_former_one_is_forgotten(store: Store, tmp_path: Path) -> None:
     for version in ("0.2.0", "0.3.0", "0.4.0"):
         store.take_in(package(tmp_path, version), "0.1.0")
@@ -408,9 +433,11 @@ def test_a_set_up_file_is_taken_in_once_and_a_wrong_one_is_explained(
     assert "name: 1 to 63" in str(ask(system, {"do": "state"}))
     assert system.settings() == Settings()
     (boot / "msbot-setup.toml").write_text("name = 'lab'\n[administrator]\nname = 'ann'\npassword = 'correct horse'\n")
+    (tmp_path / "what was in it").hardlink_to(boot / "msbot-setup.toml")
     system.programs.clear()
     system.start()
     assert not (boot / "msbot-setup.toml").exists()
+    assert not (tmp_path / "what was in it").read_text().strip()  # FAT would leave it where it was
     assert not (boot / "msbot-setup-mistakes.txt").exists()
     assert system.settings().name == "lab"
     assert (tmp_path / "root/etc/hostname").read_text() == "lab\n"

@@ -3,19 +3,25 @@
 from __future__ import annotations
 
 import gzip
+import os
+import pty
+import select
 import shutil
 import socket
 import struct
 import subprocess
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from tools.card_image import base, drivers, partitions
+from tools.card_image import base, drivers, neighbour, partitions
 from tools.card_image.base import FILES, ImageError
 from tools.card_image.card import DATA, SIGNATURE, plain_kernel
-from tools.card_image.forgetful_disk import SECTOR, ForgetfulDisk
+from tools.card_image.forgetful_disk import SECTOR, ForgetfulDisk, Moment
+from tools.card_image.set_up_trial import found_in, own_address
+from tools.card_image.shell import Shell
 
 MIB = 1 << 20
 SIZE = 4 * MIB
@@ -138,9 +144,13 @@ class Client:
     def _read(self, length: int) -> bytes:
         return self._socket.recv(length, socket.MSG_WAITALL)
 
+    def begin(self, kind: int, start: int, length: int, content: bytes = b"", *, flags: int = 0) -> None:
+        """A request, whose answer is not waited for."""
+        self._socket.sendall(struct.pack(">IHHQQI", 0x25609513, flags, kind, 7, start, length) + content)
+
     def ask(self, kind: int, start: int, length: int, content: bytes = b"", *, flags: int = 0) -> int:
         """A request; returns the error."""
-        self._socket.sendall(struct.pack(">IHHQQI", 0x25609513, flags, kind, 7, start, length) + content)
+        self.begin(kind, start, length, content, flags=flags)
         magic, error, handle = struct.unpack(">IIQ", self._read(16))
         assert (magic, handle) == (0x67446698, 7)
         return int(error)
@@ -217,3 +227,114 @@ def test_the_initramfs_gets_the_drivers_that_the_boards_name() -> None:
     places += "kernel/drivers/mmc/sdhci-other.ko.xz:\n"
     assert drivers.compatibles(trees) == {"brcm,bcm2711-emmc2", "other", "brcm,sound"}
     assert drivers.drivers(aliases, places, drivers.compatibles(trees)) == ["sdhci_iproc"]
+
+
+@pytest.mark.parametrize("moment", [Moment.WRITE, Moment.FLUSH])
+def test_the_power_goes_in_a_write_or_before_a_flush(moment: Moment, disk: tuple[ForgetfulDisk, Path]) -> None:
+    """The machine is never told that it is done, and of what it has written since the last flush a part is lost."""
+    disk_itself, folder = disk
+    client = Client(folder / "socket")
+    disk_itself.stop_at(moment, 33)
+    client.write(0, b"a" * 32 * SECTOR)
+    assert client.ask(3, 0, 0) == 0  # too few sectors
+    if moment is Moment.FLUSH:
+        client.write(MIB, b"b" * 64 * SECTOR)
+        client.begin(3, 0, 0)
+    else:
+        client.begin(1, MIB, 64 * SECTOR, b"b" * 64 * SECTOR, flags=1)
+    assert disk_itself.wait_until_stopped(60)
+    client.close()
+    disk_itself.wait_until_cut(60)
+    content = (folder / "file").read_bytes()
+    assert content[: 32 * SECTOR] == b"a" * 32 * SECTOR
+    late = [content[start : start + SECTOR] for start in range(MIB, MIB + 64 * SECTOR, SECTOR)]
+    assert set(late) == {b"b" * SECTOR, bytes(SECTOR)}
+    assert disk_itself.lost == late.count(bytes(SECTOR))
+    again = Client(folder / "socket")  # and it is a disk as before
+    again.write(0, b"c" * SECTOR)
+    assert again.ask(3, 0, 0) == 0
+    again.close()
+
+
+# Who looks at the virtual computer from outside.
+
+
+def test_a_neighbour_asks_for_a_name_and_understands_the_answer() -> None:
+    asked = neighbour.frame(neighbour.question("robot-7.local"))
+    assert asked[:6] == bytes.fromhex("3333000000fb")
+    packet = asked[14:]
+    pseudo = packet[8:40] + struct.pack(">II", len(packet) - 40, 17)
+    assert neighbour.checksum(pseudo + packet[40:]) == 0  # RFC 1071: the sum over all with its checksum
+    address = own_address("52:54:00:00:00:01")
+    assert str(address) == "fe80::5054:ff:fe00:1"
+    name = b"\x07robot-7\x05local\x00"
+    message = struct.pack(">HHHHHH", 0, 0x8400, 0, 2, 0, 0) + name + struct.pack(">HHIH", 1, 0x8001, 120, 4) + bytes(4)
+    message += b"\xc0\x0c" + struct.pack(">HHIH", 28, 0x8001, 120, 16) + address.packed
+    answer = asked[:54] + struct.pack(">HHHH", 5353, 5353, len(message) + 8, 0) + message
+    assert neighbour.answers(answer, "Robot-7.local") == {address}
+    assert neighbour.answers(answer, "robot-8.local") == set()
+    assert neighbour.answers(asked, "robot-7.local") == set()  # a question
+    loop = message[:12] + b"\xc0\x0c" + message[14:]
+    for damaged in (answer[:90], answer[:62], b"", asked[:54] + answer[54:62] + loop):
+        assert neighbour.answers(damaged, "robot-7.local") == set()
+
+
+def test_a_command_in_the_machine_has_its_words_and_its_status(tmp_path: Path) -> None:
+    """A shell behind a terminal stands for that of the machine."""
+    listening = socket.socket(socket.AF_UNIX)
+    listening.bind(str(tmp_path / "socket"))
+    listening.listen()
+    inside, outside = pty.openpty()
+    bash = subprocess.Popen(["bash", "--norc"], stdin=outside, stdout=outside, stderr=outside, start_new_session=True)
+
+    def pump() -> None:
+        connection, _ = listening.accept()
+        with connection:
+            while True:
+                ready, _, _ = select.select([connection.fileno(), inside], [], [])
+                if inside in ready:
+                    connection.sendall(os.read(inside, 4096))
+                if connection.fileno() in ready:
+                    if not (piece := connection.recv(4096)):
+                        return
+                    os.write(inside, piece)
+
+    thread = threading.Thread(target=pump)
+    thread.start()
+    one = Shell(tmp_path / "socket")
+    try:
+        one.open(60)
+        assert one.run("printf 'a\\nb'; echo c >&2") == "a\nbc"
+        assert one.ask("echo no; (exit 3)") == (3, "no")
+        with pytest.raises(ImageError, match="fails with 3: no"):
+            one.run("echo no; (exit 3)")
+        assert one.wait_for("echo $((tries++)); [ $tries -ge 2 ]", 60) == "1"
+        with pytest.raises(ImageError, match="fails for 0 s, with 1"):
+            one.wait_for("false", 0)
+    finally:
+        one.close()
+        thread.join()
+        bash.kill()
+        bash.wait()
+        listening.close()
+
+
+def test_a_password_is_found_on_a_card_with_holes(tmp_path: Path) -> None:
+    card = tmp_path / "card"
+    with card.open("wb") as file:
+        file.truncate(64 * MIB)
+        file.seek((16 * MIB) - 3)  # where two pieces meet
+        file.write(b"chalk and talk")
+    assert found_in(card, b"chalk and talk")
+    assert not found_in(card, b"chalk and cheese")
+
+
+def test_what_the_image_needs_is_asked_for_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(os, "geteuid", lambda: 0)
+    base.need_programs(lambda name: f"/usr/bin/{name}")
+    with pytest.raises(ImageError, match="apt install mmdebstrap arch-test") as error:
+        base.need_programs(lambda name: None if name in ("mmdebstrap", "arch-test") else name)
+    assert "dtc" not in str(error.value)
+    monkeypatch.setattr(os, "geteuid", lambda: 1000)
+    with pytest.raises(ImageError, match="made by root"):
+        base.need_programs(lambda name: name)

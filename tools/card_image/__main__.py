@@ -6,7 +6,7 @@
 2. the Debian package of MsBOT, made here for 64-bit Arm;
 3. the card's own files, packaging/image; an initramfs; three file systems and a partition table.
 
-It needs root, and: apt install mmdebstrap qemu-user-static mtools dosfstools e2fsprogs device-tree-compiler
+It needs root, and says which programs are missing.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from tools import debian_package
 from tools.card_image import card
-from tools.card_image.base import ARCHITECTURE, ImageError
+from tools.card_image.base import ARCHITECTURE, SUITE, ImageError, need_programs
 from tools.version import read
 
 
@@ -32,8 +32,9 @@ def main() -> int:
     asked = parser.parse_args()
     kept = asked.kept or asked.into / "kept"
     try:
-        if debian_package.release() != card.base.SUITE:
-            raise ImageError(f"the package of MsBOT is for the Debian that it is made on: use {card.base.SUITE}")
+        need_programs()
+        if debian_package.release() != SUITE:
+            raise ImageError(f"the package of MsBOT is for the Debian that it is made on: use {SUITE}")
         package = asked.package or debian_package.build(kept, read(), ARCHITECTURE)
         image = card.make(asked.into, kept.absolute(), package.absolute())
     except (ImageError, debian_package.CannotBuild) as error:

@@ -6,7 +6,7 @@ import hashlib
 import os
 import shutil
 import subprocess
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from tools.sources import ROOT
@@ -21,6 +21,16 @@ LEFT_OUT = ("/usr/share/doc/*", "/usr/share/man/*", "/usr/share/locale/*", "/usr
 """Files that nobody reads on a card; licences stay."""
 FIRMWARE = "raspi-firmware"
 TRUSTED = Path("/etc/apt/trusted.gpg.d")
+PROGRAMS = {
+    "mmdebstrap": "mmdebstrap",
+    "arch-test": "arch-test",
+    "qemu-aarch64-static": "qemu-user-static",
+    "mcopy": "mtools",
+    "mkfs.vfat": "dosfstools",
+    "mkfs.ext4": "e2fsprogs",
+    "dtc": "device-tree-compiler",
+}
+"""What the image is made with, and the packages of Debian that have it."""
 BINFMT = Path("/proc/sys/fs/binfmt_misc")
 QEMU_USER = Path("/usr/bin/qemu-aarch64-static")
 AARCH64 = (
@@ -149,16 +159,24 @@ def _install(root: Path, lines: Sequence[str]) -> None:
     run(*apt, "clean")
 
 
+def need_programs(which: Callable[[str], str | None] = shutil.which) -> None:
+    """Say at once what is missing, before minutes are spent.
+
+    Raises:
+        ImageError: this is not root, or programs are missing.
+    """
+    if os.geteuid() != 0:
+        raise ImageError("the image is made by root: owners of files and a root folder of another processor")
+    if missing := [package for program, package in PROGRAMS.items() if which(program) is None]:
+        raise ImageError(f"programs are missing: apt install {' '.join(missing)}")
+
+
 def run_arm_programs() -> None:
     """Have the kernel run programs for 64-bit Arm by qemu-user.
 
     Raises:
         ImageError: this computer cannot.
     """
-    if os.geteuid() != 0:
-        raise ImageError("the image is made by root: owners of files and a root folder of another processor")
-    if not QEMU_USER.exists():
-        raise ImageError("programs for 64-bit Arm cannot be run here: apt install qemu-user-static")
     if not (BINFMT / "register").exists():
         run("mount", "-t", "binfmt_misc", "binfmt_misc", BINFMT)
     if not (BINFMT / "qemu-aarch64").exists():

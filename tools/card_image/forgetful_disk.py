@@ -4,6 +4,9 @@ It speaks NBD (the fixed newstyle handshake, as qemu does), on a Unix socket. Wh
 machine flushes; at the cut each write since then is kept or lost by chance, sector by sector, as in a card with a
 write cache that keeps no order. What was flushed is in the file. A virtual machine alone does not show this: the host's
 memory keeps what a killed one has written.
+
+A machine flushes milliseconds after it has written, so a cut at any time hardly ever finds something to lose.
+`stop_at` makes the disk say when: in the middle of a write or before a flush, which it then never answers.
 """
 
 from __future__ import annotations
@@ -12,6 +15,7 @@ import random
 import socket
 import struct
 import threading
+from enum import Enum
 from pathlib import Path
 
 SECTOR = 512
@@ -27,6 +31,14 @@ _FUA = 1
 _EINVAL = 22
 LONGEST = 64 << 20
 """Octets of a request."""
+
+
+class Moment(Enum):
+    """Where a machine is when its power goes."""
+
+    ANY = "any"
+    WRITE = "in a write"
+    FLUSH = "before a flush"
 
 
 class ForgetfulDisk:
@@ -50,6 +62,8 @@ class ForgetfulDisk:
         self._socket.bind(str(place))
         self._socket.listen(1)
         self._gone = threading.Event()
+        self._stop_at, self._holding = Moment.ANY, 0
+        self._stopped = threading.Event()
         self._thread = threading.Thread(target=self._serve, name="disk", daemon=True)
         self._thread.start()
 
@@ -67,6 +81,14 @@ class ForgetfulDisk:
         if not self._gone.wait(within_s):
             raise TimeoutError("the machine still has its disk")
         self._gone.clear()
+
+    def stop_at(self, moment: Moment, holding: int) -> None:
+        """Stop answering at such a moment, once this many sectors are written and not flushed; until the next cut."""
+        self._holding, self._stop_at = holding, moment
+
+    def wait_until_stopped(self, within_s: float) -> bool:
+        """Wait for the moment of `stop_at`; returns whether it came."""
+        return self._stopped.wait(within_s)
 
     def _serve(self) -> None:
         while True:
@@ -92,6 +114,8 @@ class ForgetfulDisk:
             else:
                 self.lost += 1
         self._waiting.clear()
+        self._stop_at = Moment.ANY
+        self._stopped.clear()
 
     def _put(self, number: int) -> None:
         self._file.seek(number * SECTOR)
@@ -140,10 +164,15 @@ class ForgetfulDisk:
             if kind == _WRITE:
                 written = _read(connection, length)
                 if whole:
-                    self._note(start, written, at_once=bool(flags & _FUA))
+                    last = self._ends(Moment.WRITE, length // SECTOR)
+                    self._note(start, written, at_once=bool(flags & _FUA) and not last)
+                    if last:  # a part of it may be there, also of one that was to be kept at once
+                        return self._stop(connection)
             elif kind == _WRITE_ZEROES and whole:
                 self._note(start, bytes(length), at_once=bool(flags & _FUA))
             elif kind == _FLUSH:
+                if self._ends(Moment.FLUSH, 0):
+                    return self._stop(connection)
                 self._flush()
             elif kind == _READ and whole:
                 content = self._look(start, length)
@@ -151,6 +180,16 @@ class ForgetfulDisk:
                 whole = False
             error = 0 if whole or kind == _FLUSH else _EINVAL
             connection.sendall(struct.pack(">IIQ", _SIMPLE, error, handle) + (b"" if error else content))
+
+    def _ends(self, moment: Moment, more: int) -> bool:
+        """Whether the power is to go now, with so many sectors more."""
+        return moment is self._stop_at and len(self._waiting) + more >= self._holding
+
+    def _stop(self, connection: socket.socket) -> None:
+        """Answer nothing any more, until the machine is gone."""
+        self._stopped.set()
+        while connection.recv(1 << 16):
+            pass
 
     def _note(self, start: int, content: bytes, *, at_once: bool) -> None:
         """Take a write; `at_once` (FUA): this one is kept, whatever becomes of those before."""

@@ -10,6 +10,7 @@ import re
 import socket
 import subprocess
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 from tools.card_image.base import ImageError, run
@@ -48,14 +49,18 @@ class Machine:
         card: the image that it runs from, and writes to.
         folder: for what it needs besides.
         seed: of the chance by which a cut of the power loses writes.
+        hardware: what it has besides, in the words of qemu.
+        asked: what the kernel's command line has besides.
     """
 
-    def __init__(self, card: Path, folder: Path, seed: int) -> None:
-        self._folder = folder
+    def __init__(self, card: Path, folder: Path, seed: int, hardware: Sequence[str] = (), asked: str = "") -> None:
+        self._folder, self._hardware = folder, hardware
         self._kernel, self._initrd, line = (
             out_of(card, name, folder) for name in ("vmlinuz", "initrd.img", "cmdline.txt")
         )
-        self._line = line.read_text("utf-8").replace("quiet", "").strip() + " console=ttyAMA0 systemd.show_status=1"
+        self._line = (
+            line.read_text("utf-8").replace("quiet", "").strip() + f" console=ttyAMA0 systemd.show_status=1 {asked}"
+        )
         self.disk = ForgetfulDisk(card, folder / "disk.socket", seed)
         self._process: subprocess.Popen[bytes] | None = None
         self._log = folder / "console.log"
@@ -76,7 +81,7 @@ class Machine:
         words += ["-drive", f"if=none,id=card,format=raw,cache=writeback,file=nbd:unix:{self._folder / 'disk.socket'}"]
         words += ["-device", "virtio-blk-pci,drive=card", "-device", "virtio-rng-pci"]
         ways = f"hostfwd=tcp:127.0.0.1:{self.page_port}-:{PAGE},hostfwd=udp:127.0.0.1:{self.parts_port}-:{PARTS}"
-        words += ["-netdev", f"user,id=net,{ways}", "-device", "virtio-net-pci,netdev=net,romfile="]
+        words += ["-netdev", f"user,id=net,{ways}", "-device", "virtio-net-pci,netdev=net,romfile=", *self._hardware]
         self.started_at = time.monotonic()
         self._process = subprocess.Popen(words, stdin=subprocess.DEVNULL)
 

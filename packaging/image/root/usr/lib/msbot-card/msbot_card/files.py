@@ -25,6 +25,14 @@ def remove(path: Path) -> None:
     sync_folder(path.parent)
 
 
+def wipe(path: Path) -> None:
+    """Remove a file whose text is secret: first its lines are empty, because FAT leaves removed text where it was."""
+    with path.open("r+b", buffering=0) as file:
+        file.write(b"\n" * os.fstat(file.fileno()).st_size)
+        os.fsync(file.fileno())
+    remove(path)
+
+
 def sync_folder(folder: Path) -> None:
     """Have the names in a folder on the disk."""
     descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)

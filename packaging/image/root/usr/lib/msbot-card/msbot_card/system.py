@@ -13,7 +13,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 from msbot_card import config_txt, growth, system_files
-from msbot_card.files import keep, read, remove
+from msbot_card.files import keep, read, remove, wipe
 from msbot_card.settings import LARGEST, Administrator, Settings, SettingsError, changed, dump, load, parse
 from msbot_card.updates import LARGEST as LARGEST_PACKAGE
 from msbot_card.updates import Store, UpdateError
@@ -78,39 +78,39 @@ class System:
 
     def start(self) -> None:
         """Before network and master: take a set-up file in, apply what is set, put the version in force."""
-        settings = self.settings()
-        administrator = None
+        settings, taken = self.settings(), None
         if (self._root / "data/card").is_mount() or (self._root / "data").is_mount():
-            settings, administrator = self._take_setup(settings)
+            taken = self._take_setup(settings)
             self._version()
+        settings, administrator = taken or (settings, None)
         self._write(settings)
         (self._root / "etc/hostname").write_text(f"{settings.name}\n", "utf-8")
         self._run("hostname", settings.name)
         self._edit_config(settings)
         if administrator is not None:
             self._add(administrator)
+        if taken is not None:  # only now: when the power goes before, the next start does all this
+            with Writable(self):
+                remove(self._boot / TROUBLE)
+                wipe(self._boot / SETUP)
 
-    def _take_setup(self, before: Settings) -> tuple[Settings, Administrator | None]:
-        """What the file on the boot partition says; it is removed, because passwords are in it."""
+    def _take_setup(self, before: Settings) -> tuple[Settings, Administrator | None] | None:
+        """Keep what the file on the boot partition says; None: there is none, or it makes no sense."""
         try:
             text = read(self._boot / SETUP, LARGEST)
         except OSError as error:
             say(f"{SETUP} cannot be read: {error}")
-            return before, None
+            return None
         if text is None:
-            return before, None
+            return None
         try:
             after, administrator = parse(text, before)
         except SettingsError as error:
             say(f"{SETUP}: {error}")
             with Writable(self):
                 keep(self._boot / TROUBLE, f"{SETUP} was not used:\r\n{error}\r\n".encode())
-            return before, None
+            return None
         keep(self._kept, dump(after))
-        with Writable(self):
-            self._write_config(after)
-            remove(self._boot / TROUBLE)
-            remove(self._boot / SETUP)
         return after, administrator
 
     def _add(self, administrator: Administrator) -> None:

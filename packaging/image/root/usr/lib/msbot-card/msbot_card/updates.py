@@ -30,6 +30,8 @@ LINKS = {"/usr/bin/python3", "python3", "lib"}
 """Where links of an environment lead."""
 TRIES = 2
 """Starts that a trial has."""
+COPY = "database-of-"
+"""Before the version, or `image`: the folder of its database."""
 
 
 class UpdateError(Exception):
@@ -132,9 +134,9 @@ class Store:
     def _file(self) -> Path:
         return self.folder / "versions.json"
 
-    @property
-    def _copy(self) -> Path:
-        return self.folder / "database-before"
+    def _copy(self, version: str) -> Path:
+        """The database as a version had it last, which it can open again; empty: that of the image."""
+        return self.folder / f"{COPY}{version or 'image'}"
 
     def place(self, version: str) -> Path:
         """Where a version's environment is."""
@@ -215,17 +217,19 @@ class Store:
         return self._keep(replace(now, back=True))
 
     def _go_back(self, now: Versions) -> Versions:
-        """Have the former version run from now on, with the database from before; the newer one is kept beside it."""
-        if self._copy.is_dir():
+        """Have the former version run from now on, with its own database; the newer one is kept beside it."""
+        copy = self._copy(now.former)
+        if copy.is_dir():
             later = self.database.with_name(f"{self.database.name}.of-{now.current}")
             for path in self._files(self.database):
                 path.replace(later.with_name(later.name + path.name[len(self.database.name) :]))
-            for path in sorted(self._copy.iterdir()):
+            for path in sorted(copy.iterdir()):
                 shutil.copy2(path, self.database.parent)
                 _same_owner(self.database.parent, self.database.parent / path.name)
             os.sync()
         made = self._keep(Versions(current=now.former, told="fell back" if now.trial else "went back"))
-        shutil.rmtree(self._copy, ignore_errors=True)
+        shutil.rmtree(copy, ignore_errors=True)
+        self._forget_others(made)
         return made
 
     def begin(self) -> Versions:
@@ -236,7 +240,7 @@ class Store:
         if not now.trial:
             return now
         if now.starts == 0:
-            self._copy_database()
+            self._copy_database(self._copy(now.former))
         return self._keep(replace(now, starts=now.starts + 1))
 
     def end_trial(self, healthy: bool) -> Versions:
@@ -246,16 +250,16 @@ class Store:
             return now
         return self._keep(replace(now, trial=False, starts=0, told="updated") if healthy else replace(now, back=True))
 
-    def _copy_database(self) -> None:
-        growing = self._copy.with_name(self._copy.name + ".growing")
+    def _copy_database(self, copy: Path) -> None:
+        growing = self.folder / "database.growing"
         shutil.rmtree(growing, ignore_errors=True)
         growing.mkdir(mode=0o700)
         for path in self._files(self.database):
             shutil.copy2(path, growing)
         os.sync()
-        shutil.rmtree(self._copy, ignore_errors=True)
-        growing.rename(self._copy)
-        sync_folder(self._copy.parent)
+        shutil.rmtree(copy, ignore_errors=True)
+        growing.rename(copy)
+        sync_folder(self.folder)
 
     @staticmethod
     def _files(database: Path) -> list[Path]:
@@ -266,6 +270,11 @@ class Store:
         for place in (self.folder / "versions").iterdir():
             if place.name not in (used.current, used.former):
                 shutil.rmtree(place, ignore_errors=True)
+        # One can always go back to the image, so its database stays as long as another version runs.
+        kept = {self._copy(used.former).name, self._copy("").name} if used.current else set()
+        for copy in self.folder.glob(f"{COPY}*"):
+            if copy.name not in kept:
+                shutil.rmtree(copy, ignore_errors=True)
 
 
 def _same_owner(folder: Path, path: Path) -> None:
