@@ -41,7 +41,7 @@ help:
 	@echo 'make wheel   make packages for other computers: dist/msbot*.whl'
 	@echo 'make deb     make a package for this release of Debian in build/debian'
 	@echo 'make image   make the image of an SD card for the Raspberry Pi, build/image/msbot-pi.img (root, Debian 12)'
-	@echo 'make image-test   start it in a virtual computer, and cut its power 20 times; ARGS="--cuts 3"'
+	@echo 'make image-test   start it in a virtual computer: cuts of the power, set-up, updates; ARGS="--only cuts --cuts 3"'
 	@echo 'make requirements   write requirements/ anew; ARGS=--upgrade takes the newest versions'
 	@echo 'make docs    build the documentation site, with the API of the packages, into site/ (needs npm, once)'
 	@echo 'make release make a release of what is committed into build/release, and try it; ARGS="--only 3.12"'
@@ -138,7 +138,7 @@ image: $(VENV)/.dev
 	$(BIN)/python -m tools.card_image build/image $(ARGS)
 
 image-test: $(VENV)/.dev
-	$(BIN)/python -m tools.card_image.trial build/image/msbot-pi.img --package "$$(ls build/image/kept/msbot_*_arm64.deb)" $(ARGS)
+	$(BIN)/python -m tools.card_image.trial build/image/msbot-pi.img --package "$$(ls -t build/image/kept/msbot_*_arm64.deb | head -1)" $(ARGS)
 
 release: $(VENV)/.dev $(VENV)/.docs
 	$(BIN)/python -m tools.release build/release $(ARGS)

@@ -27,6 +27,8 @@ from tools.sources import ROOT
 UNITS = sorted(path.name for path in (*FILES.glob("*.service"), *FILES.glob("*.timer")))
 SUITE = "bookworm"
 INCLUDED = "python3,systemd,systemd-sysv,udev,iproute2"
+VERSIONS = (version.read(), f"{version.read()}+next1")
+"""The package's, and that of the next one."""
 NEEDED = bool(os.environ.get("MSBOT_NEED_DEB"))
 
 
@@ -165,11 +167,11 @@ def commit() -> str:
 @pytest.fixture(scope="module")
 def packages(tmp_path_factory: pytest.TempPathFactory, commit: str) -> list[Path]:
     """The package, and the same as a later version."""
-    first = debian_package.build(tmp_path_factory.mktemp("made"), "0.0.1")
+    first = debian_package.build(tmp_path_factory.mktemp("made"), VERSIONS[0])
     folder = tmp_path_factory.mktemp("later")
     subprocess.run(["dpkg-deb", "--raw-extract", str(first), str(folder / "tree")], check=True)
     control = folder / "tree/DEBIAN/control"
-    control.write_text(control.read_text().replace("Version: 0.0.1\n", "Version: 0.0.2\n"))
+    control.write_text(control.read_text().replace(f"Version: {VERSIONS[0]}\n", f"Version: {VERSIONS[1]}\n"))
     master = folder / "tree/etc/msbot/agent.env"
     master.write_text(master.read_text() + "# a later version\n")
     later = folder / "later.deb"
@@ -282,33 +284,66 @@ echo "agent: $(systemctl is-active msbot-agent)"
 echo TRIAL-END
 systemctl poweroff --force --force
 """
+UPGRADE = """#!/bin/bash
+exec >/dev/console 2>&1
+robot() { runuser -u msbot -- msbot "$@" --db /var/lib/msbot/robot.db; }
+well() { for i in $(seq 200); do
+    python3 -c 'import urllib.request as r; r.urlopen("http://127.0.0.1:8080/api/health")' 2>/dev/null && break
+    sleep 0.5; done; echo "$1: $(systemctl is-active msbot-master), $(dpkg-query -W -f '${Version}' msbot)"; }
+part() { for i in $(seq 60); do robot parts | grep -q 'AA *active' && break; sleep 0.5; done
+    echo "$1: $(robot parts | grep -o 'AA *active' | tr -s ' ')"; }
+echo '# mine' >> /etc/msbot/master.env
+systemctl enable --now msbot-master msbot-backup.timer
+well started
+systemd-run --quiet --unit trial-part --uid msbot --working-directory=/var/lib/msbot --setenv HOME=/var/lib/msbot \
+    --setenv XDG_RUNTIME_DIR=/run/msbot msbot part ABCD --link udp:127.0.0.1:8888
+part 'a part joins'
+echo 'correct horse' | robot user add grace --role administrator --password-stdin
+msbot stop | grep -o 'STOP holds'
+process=$(systemctl show msbot-master --property MainPID --value)
+dpkg --force-confold --install /1.deb
+well upgraded
+[ "$(systemctl show msbot-master --property MainPID --value)" = "$process" ] || echo 'in a new process'
+part 'the part stays'
+echo "people: $(robot user list | grep -o grace)"
+journalctl -u msbot-master | grep -o 'STOP holds since before'
+echo "kept: $(tail -1 /etc/msbot/master.env)"
+echo "timer: $(systemctl is-active msbot-backup.timer)"
+systemctl stop trial-part
+dpkg --remove msbot
+echo "removed: $(systemctl is-active msbot-master msbot-backup.timer | tr '\n' ' ')"
+echo "programs: $(ls -d /usr/lib/msbot /usr/bin/msbot /usr/lib/systemd/system/msbot-* 2>/dev/null | wc -l)"
+echo "enabled: $(find /etc/systemd /run/systemd -name 'msbot-*' | wc -l)"
+echo "still there: $(ls -d /etc/msbot/master.env /var/lib/msbot/robot.db | wc -l), $(id -un msbot)"
+dpkg --force-confold --install /1.deb
+systemctl enable --now msbot-master
+well 'installed again'
+echo "people, again: $(robot user list | grep -o grace)"
+echo TRIAL-END
+systemctl poweroff --force --force
+"""
 UNIT = "[Unit]\nAfter=multi-user.target\n[Service]\nExecStart=/trial\n"
 
 
-@pytest.mark.slow
-@pytest.mark.timeout(1200)
-def test_services_run_under_systemd(root: Path, packages: list[Path], tmp_path: Path) -> None:
-    """A machine with a kernel and a systemd of its own (User-Mode Linux) starts them, confined as they are."""
+def said_by_a_machine(root: Path, script: str, folder: Path) -> str:
+    """What a script says in a machine with a kernel and a systemd of its own (User-Mode Linux)."""
     ready = subprocess.run([ROOT / "tools/run-in-vm.sh", "--ready", "uml"], check=False)
     kernel = Path(os.environ.get("MSBOT_VM_CACHE") or Path.home() / ".cache/msbot-vm") / "uml/usr/bin/linux.uml"
     if ready.returncode or not kernel.exists() or shutil.which("mke2fs") is None:
         pytest.skip("it takes a virtual machine and mke2fs: make vm; apt-get install e2fsprogs")
-    shutil.copy(packages[0], root / "0.deb")
-    inside(root, "dpkg", "--force-unsafe-io", "--install", "/0.deb")
-    (root / "0.deb").unlink()
-    (root / "trial").write_text(TRIAL)
+    (root / "trial").write_text(script)
     (root / "trial").chmod(0o755)
     wanted = root / "etc/systemd/system/multi-user.target.wants"
     wanted.mkdir(parents=True, exist_ok=True)
     (wanted.parent / "trial.service").write_text(UNIT)
     (wanted / "trial.service").symlink_to("../trial.service")
-    disk = tmp_path / "disk"
+    disk = folder / "disk"
     with disk.open("wb") as file:
         file.truncate(2 << 30)
     subprocess.run(["mke2fs", "-q", "-t", "ext4", "-d", str(root), str(disk)], check=True)
     command = [str(kernel), "mem=1200M", f"ubd0={disk}", "root=/dev/ubda", "rw", "init=/lib/systemd/systemd"]
     command += ["con=null", "con0=null,fd:1", "quiet"]
-    log = tmp_path / "log"
+    log = folder / "log"
     with log.open("wb") as output:
         machine = subprocess.Popen(
             command, stdin=subprocess.DEVNULL, stdout=output, stderr=subprocess.STDOUT, start_new_session=True
@@ -318,7 +353,50 @@ def test_services_run_under_systemd(root: Path, packages: list[Path], tmp_path: 
         finally:
             with contextlib.suppress(ProcessLookupError):
                 os.killpg(machine.pid, signal.SIGKILL)
-    said = log.read_text("utf-8", "replace")
+            disk.unlink()
+    return log.read_text("utf-8", "replace")
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1200)
+def test_services_run_under_systemd(root: Path, packages: list[Path], tmp_path: Path) -> None:
+    """They are confined as they are for everybody."""
+    shutil.copy(packages[0], root / "0.deb")
+    inside(root, "dpkg", "--force-unsafe-io", "--install", "/0.deb")
+    (root / "0.deb").unlink()
+    said = said_by_a_machine(root, TRIAL, tmp_path)
     for line in ("started: active", "killed: active", "restarts: 1", "backups: 1", "STOP holds", "agent: active"):
         assert line in said, said
     assert "beside a standby: inactive" in said  # two masters of one computer would be one too many
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1200)
+@pytest.mark.promise(
+    "A running robot takes the next Debian package and loses no part, person or STOP; removing it leaves the data"
+)
+def test_a_running_robot_is_upgraded_and_removed(root: Path, packages: list[Path], tmp_path: Path) -> None:
+    for number, package in enumerate(packages):
+        shutil.copy(package, root / f"{number}.deb")
+    inside(root, "dpkg", "--force-unsafe-io", "--install", "/0.deb")
+    said = said_by_a_machine(root, UPGRADE, tmp_path)
+    lines = [line.strip() for line in said.splitlines()]
+    expected = [
+        f"started: active, {VERSIONS[0]}",
+        "a part joins: AA active",
+        "STOP holds",
+        f"upgraded: active, {VERSIONS[1]}",
+        "in a new process",
+        "the part stays: AA active",
+        "people: grace",
+        "STOP holds since before",
+        "kept: # mine",
+        "timer: active",
+        "removed: inactive inactive",
+        "programs: 0",
+        "enabled: 0",
+        "still there: 2, msbot",
+        f"installed again: active, {VERSIONS[1]}",
+        "people, again: grace",
+    ]
+    assert [line for line in expected if line not in lines] == [], said

@@ -19,7 +19,7 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from tools import debian_package
 from tools.card_image import card
-from tools.card_image.base import ARCHITECTURE, SUITE, ImageError, need_programs
+from tools.card_image.base import ARCHITECTURE, PROGRAMS, SUITE, ImageError, need_programs, need_root
 from tools.version import read
 
 
@@ -32,7 +32,8 @@ def main() -> int:
     asked = parser.parse_args()
     kept = asked.kept or asked.into / "kept"
     try:
-        need_programs()
+        need_root()
+        need_programs(PROGRAMS)
         if debian_package.release() != SUITE:
             raise ImageError(f"the package of MsBOT is for the Debian that it is made on: use {SUITE}")
         package = asked.package or debian_package.build(kept, read(), ARCHITECTURE)

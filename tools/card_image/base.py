@@ -6,7 +6,7 @@ import hashlib
 import os
 import shutil
 import subprocess
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from tools.sources import ROOT
@@ -159,15 +159,23 @@ def _install(root: Path, lines: Sequence[str]) -> None:
     run(*apt, "clean")
 
 
-def need_programs(which: Callable[[str], str | None] = shutil.which) -> None:
-    """Say at once what is missing, before minutes are spent.
-
-    Raises:
-        ImageError: this is not root, or programs are missing.
-    """
+def need_root() -> None:
+    """Raises ImageError if this is not root."""
     if os.geteuid() != 0:
         raise ImageError("the image is made by root: owners of files and a root folder of another processor")
-    if missing := [package for program, package in PROGRAMS.items() if which(program) is None]:
+
+
+def need_programs(programs: Mapping[str, str], which: Callable[[str], str | None] = shutil.which) -> None:
+    """Say at once what is missing, before minutes are spent.
+
+    Args:
+        programs: and the packages of Debian that have them.
+        which: finds a program.
+
+    Raises:
+        ImageError: programs are missing.
+    """
+    if missing := [package for program, package in programs.items() if which(program) is None]:
         raise ImageError(f"programs are missing: apt install {' '.join(missing)}")
 
 

@@ -6,6 +6,7 @@ import random
 import threading
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import httpx
 
@@ -114,14 +115,59 @@ class Changes:
         return str(answer.raise_for_status().json()["text"])
 
 
-def try_cuts(robot: Robot, count: int, seed: int) -> list[str]:
-    """Cut the power again and again; returns the lines of the table.
+@dataclass(frozen=True, slots=True)
+class Cut:
+    """What came of one."""
+
+    number: int
+    moment: Moment
+    made: int
+    """Changes that were acknowledged before it."""
+    waiting: int
+    """Sectors that were written and not flushed."""
+    dropped: int
+    """Of these, lost."""
+    seconds: float
+    """From the power to the page."""
+
+    @property
+    def row(self) -> str:
+        """A line of the table."""
+        return (
+            f"| {self.number} | {self.moment.value} | {self.made} | {self.waiting} | {self.dropped} | "
+            f"{self.seconds:.0f} | 0 |"
+        )
+
+
+class Numbers:
+    """Numbers of cuts, for several machines at a time; none any more when the time is over.
+
+    Args:
+        count: how many.
+        within_s: from now on.
+    """
+
+    def __init__(self, count: int, within_s: float) -> None:
+        self._left, self._until, self._lock = iter(range(1, count + 1)), time.monotonic() + within_s, threading.Lock()
+
+    def __iter__(self) -> Numbers:
+        return self
+
+    def __next__(self) -> int:
+        with self._lock:
+            if time.monotonic() > self._until:
+                raise StopIteration
+            return next(self._left)
+
+
+def try_cuts(robot: Robot, numbers: Numbers, seed: int) -> list[Cut]:
+    """Cut the power again and again; returns what came of it.
 
     Raises:
-        ImageError: an acknowledged change is lost, or no cut found anything that was not flushed.
+        ImageError: an acknowledged change is lost.
     """
-    chance, changes, rows, machine, caught = random.Random(seed), Changes(robot), [], robot.machine, 0
-    for number in range(1, count + 1):
+    chance, changes, done, machine = random.Random(seed), Changes(robot), [], robot.machine
+    for number in numbers:
         moment, holding = MOMENTS[(number - 1) % len(MOMENTS)], chance.randint(*HOLDING)
         before, lost_before, kept_before = changes.acknowledged, machine.disk.lost, machine.disk.kept
         over = threading.Event()
@@ -144,14 +190,10 @@ def try_cuts(robot: Robot, count: int, seed: int) -> list[str]:
             maker.join()
         made, dropped = changes.acknowledged - before, machine.disk.lost - lost_before
         waiting = dropped + machine.disk.kept - kept_before
-        caught += bool(waiting)
         machine.switch_on()
         seconds = robot.wait_for_page()
-        lost = changes.missing()
-        rows.append(f"| {number} | {moment.value} | {made} | {waiting} | {dropped} | {seconds:.0f} | {len(lost)} |")
-        say(rows[-1])
-        if lost:
-            raise ImageError(f"cut {number} of {count}: acknowledged and lost: {'; '.join(lost)}")
-    if count >= len(MOMENTS) and not caught:
-        raise ImageError("no cut found anything that was not flushed: the trial shows nothing")
-    return rows
+        if lost := changes.missing():
+            raise ImageError(f"cut {number}: acknowledged and lost: {'; '.join(lost)}")
+        done.append(Cut(number, moment, made, waiting, dropped, seconds))
+        say(done[-1].row)
+    return done

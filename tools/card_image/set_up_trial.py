@@ -176,7 +176,8 @@ class SetUpTrial:
             driver = self._shell.run(f"basename $(readlink /sys/class/net/{name}/device/driver)")
         self._saw(f"two CAN controllers ({driver})", f"`msbot-can@` has them up at {BITRATE} bit/s")
         self._shell.wait_for("grep -q 'link can:can0' /etc/msbot/master.env")
-        self._shell.wait_for("pgrep -f 'msbot master .*--link can:can0'")
+        process = "$(systemctl show msbot-master --property MainPID --value)"
+        self._shell.wait_for(f"tr '\\0' ' ' < /proc/{process}/cmdline | grep -q 'link can:can0'")
         self.robot.wait_for_page()
         part = "systemd-run --quiet --unit trial-part --uid msbot --setenv HOME=/tmp/part"
         part += f" --working-directory=/tmp/part msbot part {SOURCE} --link can:can1"

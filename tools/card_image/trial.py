@@ -11,12 +11,14 @@ flushed (`forgetful_disk.py`). `--write` stores the figures in bench/results/car
 from __future__ import annotations
 
 import argparse
+import math
 import os
 import signal
 import subprocess
 import sys
 import tempfile
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
@@ -26,8 +28,8 @@ import httpx
 from bench.machine import describe_machine
 from bench.result import write_result
 from tools.card_image import partitions
-from tools.card_image.base import ImageError, run
-from tools.card_image.cuts import try_cuts
+from tools.card_image.base import ImageError, need_programs, run
+from tools.card_image.cuts import MOMENTS, Cut, Numbers, try_cuts
 from tools.card_image.machine import MEMORY_MB, Machine
 from tools.card_image.robot import STAGES, Robot, Stages, say, wait_for
 from tools.card_image.set_up_trial import SetUpTrial
@@ -116,52 +118,72 @@ def computer(load: float) -> str:
     )
 
 
-def cuts(card: Path, folder: Path, asked: argparse.Namespace) -> list[str]:
+def cuts(folder: Path, asked: argparse.Namespace) -> list[str]:
     """First start, a part over UDP, cuts of the power; returns the text of the result."""
-    machine = Machine(card, folder, asked.seed)
+    numbers = Numbers(asked.cuts, asked.minutes * 60)
+    with ThreadPoolExecutor(asked.machines) as machines:
+        running = [
+            machines.submit(cuts_of_one, folder / str(one), one, numbers, asked) for one in range(asked.machines)
+        ]
+        ended = [one.result() for one in running]
+    (lines, _, size), *_ = ended
+    made = sorted((cut for _, some, _ in ended for cut in some), key=lambda cut: cut.number)
+    if asked.cuts >= len(MOMENTS) and not any(cut.waiting for cut in made):
+        raise ImageError("no cut found anything that was not flushed: the trial shows nothing")
+    return [
+        *lines,
+        "",
+        f"The power was cut {len(made)} times while changes were made by the API, three at a time: API tokens, "
+        "programs, settings of the card. The machine is killed at any moment, in the middle of a write, or before a "
+        "flush, which is never answered then; chance says of each sector that was written since the last flush whether "
+        "it is kept. What the machine starts from again is only what the disk has kept. "
+        f"{asked.machines} such machines ran at a time.",
+        "",
+        "| cut | moment | changes acknowledged | sectors not flushed | of these lost | s to the page | changes lost |",
+        "|---|---|---|---|---|---|---|",
+        *(cut.row for cut in made),
+        "",
+        f"Afterwards the file systems are whole, and the data partition has {size / 1e9:.1f} GB of the card.",
+    ]
+
+
+def cuts_of_one(
+    folder: Path, number: int, numbers: Numbers, asked: argparse.Namespace
+) -> tuple[list[str], list[Cut], int]:
+    """One machine: the lines about its first start, its cuts, the size of its data partition."""
+    folder.mkdir(exist_ok=True)
+    card = copied(asked.image, folder)
+    machine = Machine(card, folder, asked.seed + number)
     try:
         robot = Robot(machine)
         lines = started(robot)
-        joined = time.monotonic()
-        part_joins(robot, folder)
-        seconds = time.monotonic() - joined
-        say(f"a part has joined after {seconds:.0f} s")
-        rows = try_cuts(robot, asked.cuts, asked.seed) if asked.cuts else []
+        if not number:
+            joined = time.monotonic()
+            part_joins(robot, folder)
+            words = f"A part on another computer joined over UDP, {time.monotonic() - joined:.0f} s after its start."
+            say(words)
+            lines += ["", words]
+        made = try_cuts(robot, numbers, asked.seed + number)
     finally:
         machine.close()
     size = check_file_systems(card, folder)
     if size < CARD_SIZE // 2:
         raise ImageError(f"the data partition has not grown: {size} octets")
-    return [
-        *lines,
-        "",
-        f"A part on another computer joined over UDP, {seconds:.0f} s after its program was started.",
-        "",
-        f"The power was cut {len(rows)} times while changes were made by the API, three at a time: API tokens, "
-        "programs, settings of the card. The machine is killed at any moment, in the middle of a write, or before a "
-        "flush, which is never answered then; chance says of each sector that was written since the last flush whether "
-        "it is kept. What the machine starts from again is only what the disk has kept.",
-        "",
-        "| cut | moment | changes acknowledged | sectors not flushed | of these lost | s to the page | changes lost |",
-        "|---|---|---|---|---|---|---|",
-        *rows,
-        "",
-        f"Afterwards both file systems are whole, and the data partition has {size / 1e9:.1f} GB of the card.",
-    ]
+    return lines, made, size
 
 
-def set_up(card: Path, folder: Path, asked: argparse.Namespace) -> list[str]:
+def set_up(folder: Path, asked: argparse.Namespace) -> list[str]:
     """A first start with a set-up file, adapters, Wi-Fi; returns the text of the result."""
-    load, one = os.getloadavg()[0], SetUpTrial(card, folder, asked.seed)
+    load, one = os.getloadavg()[0], SetUpTrial(copied(asked.image, folder), folder, asked.seed)
     try:
         return [computer(load), "", *one.run()]
     finally:
         one.close()
 
 
-def updates(card: Path, folder: Path, asked: argparse.Namespace) -> list[str]:
+def updates(folder: Path, asked: argparse.Namespace) -> list[str]:
     """Updates by the page; returns the text of the result."""
-    machine = Machine(card, folder, asked.seed)
+    machine = Machine(copied(asked.image, folder), folder, asked.seed)
     try:
         robot = Robot(machine)
         lines = started(robot)
@@ -171,6 +193,14 @@ def updates(card: Path, folder: Path, asked: argparse.Namespace) -> list[str]:
     return [*lines, "", "| update | came of it | runs then |", "|---|---|---|", *rows]
 
 
+PROGRAMS = {
+    "qemu-system-aarch64": "qemu-system-arm",
+    "mcopy": "mtools",
+    "fsck.vfat": "dosfstools",
+    "e2fsck": "e2fsprogs",
+    "dpkg-deb": "dpkg",
+}
+"""What it takes, and the packages of Debian that have it."""
 RESULTS = {
     "cuts": ("card_image", "The card's image in a virtual computer: cuts of the power", cuts),
     "set-up": ("card_image_set_up", "The card's image in a virtual computer: set-up and adapters", set_up),
@@ -184,12 +214,19 @@ def main() -> int:
     parser.add_argument("image", type=Path)
     parser.add_argument("--only", choices=sorted(RESULTS), help="one of the trials")
     parser.add_argument("--cuts", type=int, default=20)
+    parser.add_argument("--machines", type=int, default=1, help="so many share the cuts at a time")
+    parser.add_argument("--minutes", type=float, default=math.inf, help="after which no cut is begun any more")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--package", type=Path, required=True, help="the package in the image: updates are made of it")
     parser.add_argument("--folder", type=Path, help="where the card and the console's text stay")
     parser.add_argument("--write", action="store_true")
     asked = parser.parse_args()
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # the machine ends with its trial
+    try:
+        need_programs(PROGRAMS)
+    except ImageError as error:
+        sys.stderr.write(f"image-test: {error}\n")
+        return 1
     for name, (file, title, trial) in RESULTS.items():
         if asked.only not in (None, name):
             continue
@@ -197,7 +234,7 @@ def main() -> int:
             folder = (asked.folder or Path(scratch)) / name
             folder.mkdir(parents=True, exist_ok=True)
             try:
-                lines = trial(copied(asked.image, folder), folder, asked)
+                lines = trial(folder, asked)
             except (ImageError, httpx.HTTPError, TimeoutError) as error:
                 sys.stderr.write(f"image-test: {name}: {error}\n")
                 return 1
