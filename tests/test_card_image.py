@@ -151,6 +151,10 @@ class Client:
     def ask(self, kind: int, start: int, length: int, content: bytes = b"", *, flags: int = 0) -> int:
         """A request; returns the error."""
         self.begin(kind, start, length, content, flags=flags)
+        return self.answered()
+
+    def answered(self) -> int:
+        """The answer's error."""
         magic, error, handle = struct.unpack(">IIQ", self._read(16))
         assert (magic, handle) == (0x67446698, 7)
         return int(error)
@@ -254,6 +258,31 @@ def test_the_power_goes_in_a_write_or_before_a_flush(moment: Moment, disk: tuple
     again.write(0, b"c" * SECTOR)
     assert again.ask(3, 0, 0) == 0
     again.close()
+
+
+@pytest.mark.parametrize("moment", [Moment.WRITE, Moment.FLUSH])
+def test_what_would_be_left_is_kept_and_the_machine_goes_on(moment: Moment, disk: tuple[ForgetfulDisk, Path]) -> None:
+    disk_itself, folder = disk
+    client, left = Client(folder / "socket"), folder / "left"
+    client.write(MIB, b"a" * SECTOR)
+    assert client.ask(3, 0, 0) == 0
+    disk_itself.leave_at(moment, 64, left, MIB)
+    client.write(0, b"x" * SECTOR)  # before the partition
+    if moment is Moment.FLUSH:
+        client.write(MIB + SECTOR, b"b" * 64 * SECTOR)
+        client.begin(3, 0, 0)
+    else:
+        client.begin(1, MIB + SECTOR, 64 * SECTOR, b"b" * 64 * SECTOR)
+    assert disk_itself.wait_until_stopped(60)
+    content = left.read_bytes()
+    assert len(content) == SIZE - MIB
+    assert content[:SECTOR] == b"a" * SECTOR
+    assert set(content[SECTOR : 65 * SECTOR]) == {0, ord("b")}
+    disk_itself.go_on()
+    assert client.answered() == 0
+    assert client.read(MIB + SECTOR, 64 * SECTOR) == b"b" * 64 * SECTOR
+    client.close()
+    disk_itself.wait_until_cut(60)
 
 
 # Who looks at the virtual computer from outside.

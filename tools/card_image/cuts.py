@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import random
 import threading
 import time
@@ -24,6 +25,32 @@ MOMENT_S = 60.0
 """How long such a moment may take to come; then the cut comes at any."""
 
 
+@dataclass(frozen=True, slots=True)
+class Acknowledged:
+    """What has to be there; a change on its way may have been made, or not."""
+
+    tokens: frozenset[str]
+    programs: dict[str, frozenset[str | None]]
+    """By name: the texts that it may have; None: there may be none."""
+    bitrates: frozenset[object]
+
+    def missing(self, tokens: set[str], program: Callable[[str], str | None], bitrate: object) -> list[str]:
+        """What is not there.
+
+        Args:
+            tokens: the names that there are.
+            program: the text of one; None: it is not there.
+            bitrate: the one that is set.
+        """
+        lost = [f"the token {name!r}" for name in sorted(self.tokens - tokens)]
+        for name, texts in self.programs.items():
+            if (found := program(name)) not in texts:
+                lost.append(f"{name!r}: {found!r} in place of {sorted(map(str, texts))}")
+        if bitrate not in self.bitrates:
+            lost.append(f"the bit rate: {bitrate} in place of {sorted(map(str, self.bitrates))}")
+        return lost
+
+
 class Changes:
     """Makes changes of three kinds at a time, and knows which were acknowledged.
 
@@ -37,15 +64,14 @@ class Changes:
         self._lock = threading.Lock()
         self.acknowledged = 0
         self._tokens: set[str] = set()
-        self._programs: dict[str, set[str | None]] = {}
-        """By name: the texts that it may have; None: there may be none."""
-        self._bitrates: set[object] = set()
+        self._programs: dict[str, frozenset[str | None]] = {}
+        self._bitrates: frozenset[object] = frozenset()
         self.refused = ""
         """Why a change was refused: then the trial itself is wrong."""
 
     def begin(self, over: threading.Event) -> list[threading.Thread]:
-        """Make changes until nobody answers any more; the last of each kind may have been made, or not."""
-        self._bitrates = {self._bitrate()}
+        """Make changes until nobody answers any more, or it is over."""
+        self._bitrates = frozenset({self._robot.bitrate()})
         kinds = (self._token, self._program_text, self._rate)
         makers = [threading.Thread(target=self._make_until, args=(over, kind), daemon=True) for kind in kinds]
         for maker in makers:
@@ -72,47 +98,41 @@ class Changes:
             return self._program_text(number, "other")
         name = f"cut {number}"
         self._robot.ask("POST", f"/api/users/{NAME}/tokens", {"words": name})
-        self._tokens.add(name)
+        with self._lock:
+            self._tokens.add(name)
 
     def _program_text(self, number: int, kind: str = "program") -> None:
         name, text = f"{kind}-{number % 5}.py", f"# {number}\n"
-        self._programs[name] = self._programs.get(name, {None}) | {text}
+        with self._lock:
+            self._programs[name] = self._programs.get(name, frozenset({None})) | {text}
         self._robot.ask("PUT", f"/api/programs/{name}", {"text": text})
-        self._programs[name] = {text}
+        with self._lock:
+            self._programs[name] = frozenset({text})
 
     def _rate(self, number: int) -> None:
         rate = 100_000 + number
-        self._bitrates.add(rate)
+        with self._lock:
+            self._bitrates |= {rate}
         self._robot.ask("PATCH", "/api/card", {"hardware": {"can_bitrate": rate}})
-        self._bitrates = {rate}
+        with self._lock:
+            self._bitrates = frozenset({rate})
+
+    def now(self) -> Acknowledged:
+        """What has to be there if the power goes now."""
+        with self._lock:
+            return Acknowledged(frozenset(self._tokens), dict(self._programs), self._bitrates)
 
     def missing(self) -> list[str]:
-        """What was acknowledged and is not there."""
-        lost = []
-        people = self._robot.ask("GET", "/api/users")
-        tokens = {token for person in people for token in person["tokens"]}  # type: ignore[index]
-        lost += [f"the token {name!r}" for name in sorted(self._tokens - tokens)]
-        for name, texts in self._programs.items():
-            found = self._program(name)
-            if found not in texts:
-                lost.append(f"{name!r}: {found!r} in place of {texts}")
-            self._programs[name] = {found}
-        if (rate := self._bitrate()) not in self._bitrates:
-            lost.append(f"the bit rate: {rate} in place of {self._bitrates}")
+        """What was acknowledged and is not there; then the tokens are removed."""
+        tokens = self._robot.tokens(NAME)
+        lost = self.now().missing(tokens, self._robot.program, self._robot.bitrate())
+        for name in self._programs:
+            self._programs[name] = frozenset({self._robot.program(name)})
         for name in sorted(tokens):
-            if str(name).startswith("cut "):  # a person has 50 at most
+            if name.startswith("cut "):  # a person has 50 at most
                 self._robot.ask("DELETE", f"/api/users/{NAME}/tokens/{name}")
         self._tokens.clear()
         return lost
-
-    def _bitrate(self) -> object:
-        return self._robot.ask("GET", "/api/card")["settings"]["can_bitrate"]  # type: ignore[index]
-
-    def _program(self, name: str) -> str | None:
-        answer = self._robot.client.get(f"/api/programs/{name}")
-        if answer.status_code == 404:
-            return None
-        return str(answer.raise_for_status().json()["text"])
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,6 +169,10 @@ class Numbers:
 
     def __init__(self, count: int, within_s: float) -> None:
         self._left, self._until, self._lock = iter(range(1, count + 1)), time.monotonic() + within_s, threading.Lock()
+
+    def end(self) -> None:
+        """No more."""
+        self._until = -math.inf
 
     def __iter__(self) -> Numbers:
         return self

@@ -6,15 +6,20 @@ write cache that keeps no order. What was flushed is in the file. A virtual mach
 memory keeps what a killed one has written.
 
 A machine flushes milliseconds after it has written, so a cut at any time hardly ever finds something to lose.
-`stop_at` makes the disk say when: in the middle of a write or before a flush, which it then never answers.
+`stop_at` makes the disk say when: in the middle of a write or before a flush, which it then never answers. `leave_at`
+makes a file of what would be left then, and the machine goes on.
 """
 
 from __future__ import annotations
 
+import errno
+import io
+import os
 import random
 import socket
 import struct
 import threading
+from collections.abc import Iterator
 from enum import Enum
 from pathlib import Path
 
@@ -29,6 +34,8 @@ _FLAGS = _HAS_FLAGS | _FLUSHES | _KNOWS_FUA | _ZEROES
 _READ, _WRITE, _LEAVE, _FLUSH, _WRITE_ZEROES = 0, 1, 2, 3, 6
 _FUA = 1
 _EINVAL = 22
+LARGEST_PIECE = 8 << 20
+"""Octets."""
 LONGEST = 64 << 20
 """Octets of a request."""
 
@@ -63,7 +70,8 @@ class ForgetfulDisk:
         self._socket.listen(1)
         self._gone = threading.Event()
         self._stop_at, self._holding = Moment.ANY, 0
-        self._stopped = threading.Event()
+        self._stopped, self._may_go_on = threading.Event(), threading.Event()
+        self._left: tuple[Path, int] | None = None
         self._thread = threading.Thread(target=self._serve, name="disk", daemon=True)
         self._thread.start()
 
@@ -84,7 +92,24 @@ class ForgetfulDisk:
 
     def stop_at(self, moment: Moment, holding: int) -> None:
         """Stop answering at such a moment, once this many sectors are written and not flushed; until the next cut."""
-        self._holding, self._stop_at = holding, moment
+        self._left, self._holding, self._stop_at = None, holding, moment
+
+    def leave_at(self, moment: Moment, holding: int, left: Path, start: int) -> None:
+        """At such a moment make a file of what would be left, and wait for `go_on`; each sector not flushed by chance.
+
+        Args:
+            moment: as for `stop_at`.
+            holding: the same.
+            left: the file.
+            start: where it begins on the disk, in octets.
+        """
+        self._may_go_on.clear()
+        self._stopped.clear()
+        self._left, self._holding, self._stop_at = (left, start), holding, moment
+
+    def go_on(self) -> None:
+        """Answer again."""
+        self._may_go_on.set()
 
     def wait_until_stopped(self, within_s: float) -> bool:
         """Wait for the moment of `stop_at`; returns whether it came."""
@@ -165,14 +190,19 @@ class ForgetfulDisk:
                 written = _read(connection, length)
                 if whole:
                     last = self._ends(Moment.WRITE, length // SECTOR)
-                    self._note(start, written, at_once=bool(flags & _FUA) and not last)
-                    if last:  # a part of it may be there, also of one that was to be kept at once
+                    if last and self._left:
+                        self._leave({**self._waiting, **_sectors(start, written)})
+                    elif last:  # a part of it may be there, also of one that was to be kept at once
+                        self._note(start, written, at_once=False)
                         return self._stop(connection)
+                    self._note(start, written, at_once=bool(flags & _FUA))
             elif kind == _WRITE_ZEROES and whole:
                 self._note(start, bytes(length), at_once=bool(flags & _FUA))
             elif kind == _FLUSH:
                 if self._ends(Moment.FLUSH, 0):
-                    return self._stop(connection)
+                    if not self._left:
+                        return self._stop(connection)
+                    self._leave(self._waiting)
                 self._flush()
             elif kind == _READ and whole:
                 content = self._look(start, length)
@@ -184,6 +214,25 @@ class ForgetfulDisk:
     def _ends(self, moment: Moment, more: int) -> bool:
         """Whether the power is to go now, with so many sectors more."""
         return moment is self._stop_at and len(self._waiting) + more >= self._holding
+
+    def _leave(self, waiting: dict[int, bytes]) -> None:
+        """Make the file of what would be left, and wait until the machine may go on."""
+        assert self._left is not None
+        (left, start), self._left, self._stop_at = self._left, None, Moment.ANY
+        with left.open("wb") as file:
+            file.truncate(self._size - start)
+            for place, piece in pieces(self._file, start):
+                file.seek(place - start)
+                file.write(piece)
+            for number, sector in sorted(waiting.items()):
+                kept = self._chance.random() < 0.5
+                self.kept, self.lost = self.kept + kept, self.lost + (not kept)
+                if kept and number * SECTOR >= start:
+                    file.seek(number * SECTOR - start)
+                    file.write(sector)
+        self._stopped.set()
+        self._may_go_on.wait()
+        self._stopped.clear()
 
     def _stop(self, connection: socket.socket) -> None:
         """Answer nothing any more, until the machine is gone."""
@@ -197,11 +246,11 @@ class ForgetfulDisk:
         if at_once:
             self._file.seek(start)
             self._file.write(content)
+        if not at_once:
+            self._waiting.update(_sectors(start, content))
+            return
         for index in range(count):
-            if at_once:
-                self._waiting.pop(first + index, None)
-            else:
-                self._waiting[first + index] = content[index * SECTOR : (index + 1) * SECTOR]
+            self._waiting.pop(first + index, None)
 
     def _flush(self) -> None:
         for number in sorted(self._waiting):
@@ -218,6 +267,27 @@ class ForgetfulDisk:
                 if (newer := self._waiting.get(first + index)) is not None:
                     content[index * SECTOR : (index + 1) * SECTOR] = newer
         return bytes(content)
+
+
+def _sectors(start: int, content: bytes) -> dict[int, bytes]:
+    first = start // SECTOR
+    return {first + index: content[index * SECTOR : (index + 1) * SECTOR] for index in range(len(content) // SECTOR)}
+
+
+def pieces(file: io.FileIO, place: int = 0) -> Iterator[tuple[int, bytes]]:
+    """What is in a file that may have holes, and where."""
+    while True:
+        try:
+            place = os.lseek(file.fileno(), place, os.SEEK_DATA)
+        except OSError as error:
+            if error.errno == errno.ENXIO:  # there is no more
+                return
+            raise
+        end = os.lseek(file.fileno(), place, os.SEEK_HOLE)
+        while place < end:
+            piece = os.pread(file.fileno(), min(LARGEST_PIECE, end - place), place)
+            yield place, piece
+            place += len(piece)
 
 
 def _read(connection: socket.socket, length: int) -> bytes:

@@ -66,6 +66,7 @@ class Machine:
         self._log = folder / "console.log"
         self.page_port, self.parts_port = free_port(socket.SOCK_STREAM), free_port(socket.SOCK_DGRAM)
         self.started_at = 0.0
+        self._for_good = False
 
     @property
     def console(self) -> str:
@@ -73,7 +74,13 @@ class Machine:
         return _COLOURS.sub("", self._log.read_text("utf-8", "replace")) if self._log.exists() else ""
 
     def switch_on(self) -> None:
-        """Start it."""
+        """Start it.
+
+        Raises:
+            ImageError: the trial has ended meanwhile.
+        """
+        if self._for_good:
+            raise ImageError("the trial has ended")
         self._log.unlink(missing_ok=True)
         words = ["qemu-system-aarch64", "-machine", "virt", "-cpu", "cortex-a72", "-smp", "2", "-m", str(MEMORY_MB)]
         words += ["-nodefaults", "-display", "none", "-monitor", "none", "-serial", f"file:{self._log}"]
@@ -83,7 +90,8 @@ class Machine:
         ways = f"hostfwd=tcp:127.0.0.1:{self.page_port}-:{PAGE},hostfwd=udp:127.0.0.1:{self.parts_port}-:{PARTS}"
         words += ["-netdev", f"user,id=net,{ways}", "-device", "virtio-net-pci,netdev=net,romfile=", *self._hardware]
         self.started_at = time.monotonic()
-        self._process = subprocess.Popen(words, stdin=subprocess.DEVNULL)
+        # A session of its own: Ctrl-C is for the trial, and the scheduler shares the processor out by sessions.
+        self._process = subprocess.Popen(words, stdin=subprocess.DEVNULL, start_new_session=True)
 
     def cut_power(self) -> None:
         """Kill it: neither Linux nor qemu can do anything about it, and what was not flushed is lost by chance."""
@@ -97,6 +105,12 @@ class Machine:
     def is_on(self) -> bool:
         """Whether it runs."""
         return self._process is not None and self._process.poll() is None
+
+    def kill(self) -> None:
+        """End it from another thread than that which uses it; that one then finds it off."""
+        self._for_good = True
+        if self._process is not None:
+            self._process.kill()
 
     def close(self) -> None:
         """Switch it off for good."""

@@ -7,6 +7,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable
+from typing import Any
 
 import httpx
 
@@ -26,27 +27,69 @@ STAGES = {
 NAME, PASSWORD = "ada", "correct horse"
 
 
-class Robot:
-    """The robot on the card, by its page.
+class Page:
+    """A robot, by its API.
+
+    Args:
+        port: of its page, at this computer.
+    """
+
+    def __init__(self, port: int) -> None:
+        self.client = httpx.Client(base_url=f"http://127.0.0.1:{port}", timeout=30)
+
+    @property
+    def healthy(self) -> bool:
+        """Whether it answers."""
+        try:
+            return self.client.get("/api/health").status_code == 200
+        except httpx.HTTPError:
+            return False
+
+    def ask(self, method: str, path: str, body: object = None, *, content: bytes | None = None) -> dict[str, object]:
+        """A call of the API.
+
+        Raises:
+            ImageError: it is refused.
+            httpx.HTTPError: nobody answers.
+        """
+        answer = self.client.request(method, path, json=body, content=content, timeout=900 if content else 120)
+        if answer.status_code != 200:
+            raise ImageError(f"{method} {path}: {answer.status_code} {answer.text[:1000]}")
+        found: dict[str, object] = answer.json()
+        return found
+
+    def tokens(self, person: str) -> set[str]:
+        """The API tokens of somebody."""
+        people: Any = self.ask("GET", "/api/users")
+        return {str(token) for one in people if one["name"] == person for token in one["tokens"]}
+
+    def program(self, name: str) -> str | None:
+        """The text of a program; None: there is none."""
+        answer = self.client.get(f"/api/programs/{name}")
+        if answer.status_code == 404:
+            return None
+        return str(answer.raise_for_status().json()["text"])
+
+    def bitrate(self) -> object:
+        """The bit rate that is set for a CAN hat."""
+        state: Any = self.ask("GET", "/api/card")
+        return state["settings"]["can_bitrate"]
+
+
+class Robot(Page):
+    """The robot on the card.
 
     Args:
         machine: where it runs.
     """
 
     def __init__(self, machine: Machine) -> None:
+        super().__init__(machine.page_port)
         self.machine = machine
-        self.client = httpx.Client(base_url=f"http://127.0.0.1:{machine.page_port}", timeout=30)
 
     def wait_for_page(self) -> float:
         """Wait until the page is healthy; returns seconds since the power came."""
-
-        def healthy() -> bool:
-            try:
-                return self.client.get("/api/health").status_code == 200
-            except httpx.HTTPError:
-                return False
-
-        wait_for(self.machine, healthy, "the page")
+        wait_for(self.machine, lambda: self.healthy, "the page")
         return self.machine.seconds()
 
     def set_up(self) -> None:
@@ -75,19 +118,6 @@ class Robot:
         self.client.cookies.clear()
         del self.client.headers["x-csrf-token"]
         self.client.headers["authorization"] = f"Bearer {token}"
-
-    def ask(self, method: str, path: str, body: object = None, *, content: bytes | None = None) -> dict[str, object]:
-        """A call of the API.
-
-        Raises:
-            ImageError: it is refused.
-            httpx.HTTPError: nobody answers.
-        """
-        answer = self.client.request(method, path, json=body, content=content, timeout=900 if content else 120)
-        if answer.status_code != 200:
-            raise ImageError(f"{method} {path}: {answer.status_code} {answer.text[:1000]}")
-        found: dict[str, object] = answer.json()
-        return found
 
 
 def wait_for(machine: Machine, what: Callable[[], bool], name: str, within_s: float = PATIENCE_S) -> None:

@@ -8,14 +8,12 @@ is changed for it.
 
 from __future__ import annotations
 
-import errno
 import ipaddress
 import json
-import os
-from collections.abc import Iterator
 from pathlib import Path
 
 from tools.card_image.base import ImageError, run
+from tools.card_image.forgetful_disk import pieces
 from tools.card_image.machine import Machine
 from tools.card_image.neighbour import MACHINE_MAC, Neighbour
 from tools.card_image.partitions import read
@@ -229,25 +227,9 @@ def own_address(mac: str) -> ipaddress.IPv6Address:
 def found_in(file: Path, wanted: bytes) -> bool:
     """Whether a file, which may have holes, has these octets."""
     before = b""
-    for piece in _pieces(file):
-        if wanted in before + piece:
-            return True
-        before = piece[-len(wanted) :]
-    return False
-
-
-def _pieces(file: Path) -> Iterator[bytes]:
     with file.open("rb", buffering=0) as opened:
-        place = 0
-        while True:
-            try:
-                place = os.lseek(opened.fileno(), place, os.SEEK_DATA)
-            except OSError as error:
-                if error.errno == errno.ENXIO:  # there is no more
-                    return
-                raise
-            end = os.lseek(opened.fileno(), place, os.SEEK_HOLE)
-            while place < end:
-                piece = os.pread(opened.fileno(), min(8 << 20, end - place), place)
-                yield piece
-                place += len(piece)
+        for _, piece in pieces(opened):
+            if wanted in before + piece:
+                return True
+            before = piece[-len(wanted) :]
+    return False

@@ -18,7 +18,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
@@ -31,6 +31,7 @@ from tools.card_image import partitions
 from tools.card_image.base import ImageError, need_programs, run
 from tools.card_image.cuts import MOMENTS, Cut, Numbers, try_cuts
 from tools.card_image.machine import MEMORY_MB, Machine
+from tools.card_image.moments import try_moments
 from tools.card_image.robot import STAGES, Robot, Stages, say, wait_for
 from tools.card_image.set_up_trial import SetUpTrial
 from tools.card_image.updates_trial import try_updates
@@ -121,11 +122,19 @@ def computer(load: float) -> str:
 def cuts(folder: Path, asked: argparse.Namespace) -> list[str]:
     """First start, a part over UDP, cuts of the power; returns the text of the result."""
     numbers = Numbers(asked.cuts, asked.minutes * 60)
-    with ThreadPoolExecutor(asked.machines) as machines:
-        running = [
-            machines.submit(cuts_of_one, folder / str(one), one, numbers, asked) for one in range(asked.machines)
-        ]
-        ended = [one.result() for one in running]
+    machines: list[Machine] = []
+    with ThreadPoolExecutor(asked.machines) as pool:
+        places = [folder / str(one) for one in range(asked.machines)]
+        running = [pool.submit(cuts_of_one, place, one, numbers, asked, machines) for one, place in enumerate(places)]
+        try:
+            for one in as_completed(running):
+                one.result()
+        except BaseException:
+            numbers.end()
+            for machine in machines:
+                machine.kill()
+            raise
+    ended = [one.result() for one in running]
     (lines, _, size), *_ = ended
     made = sorted((cut for _, some, _ in ended for cut in some), key=lambda cut: cut.number)
     if asked.cuts >= len(MOMENTS) and not any(cut.waiting for cut in made):
@@ -148,12 +157,13 @@ def cuts(folder: Path, asked: argparse.Namespace) -> list[str]:
 
 
 def cuts_of_one(
-    folder: Path, number: int, numbers: Numbers, asked: argparse.Namespace
+    folder: Path, number: int, numbers: Numbers, asked: argparse.Namespace, machines: list[Machine]
 ) -> tuple[list[str], list[Cut], int]:
-    """One machine: the lines about its first start, its cuts, the size of its data partition."""
+    """One machine, which is added to those that run: its first start, its cuts, the size of its data partition."""
     folder.mkdir(exist_ok=True)
     card = copied(asked.image, folder)
     machine = Machine(card, folder, asked.seed + number)
+    machines.append(machine)
     try:
         robot = Robot(machine)
         lines = started(robot)
@@ -170,6 +180,29 @@ def cuts_of_one(
     if size < CARD_SIZE // 2:
         raise ImageError(f"the data partition has not grown: {size} octets")
     return lines, made, size
+
+
+def moments(folder: Path, asked: argparse.Namespace) -> list[str]:
+    """What cuts of the power would leave; returns the text of the result."""
+    card = copied(asked.image, folder)
+    machine = Machine(card, folder, asked.seed)
+    try:
+        robot = Robot(machine)
+        lines = started(robot)
+        rows = try_moments(robot, card, asked.moments, asked.seed, folder)
+    finally:
+        machine.close()
+    return [
+        *lines,
+        "",
+        f"At {len(rows)} moments, while changes were made by the API, what a cut of the power would have left was kept "
+        "in a file: what was flushed, and of what was not, sectors by chance. The file system was repaired, and a "
+        "master on this computer started from it.",
+        "",
+        "| moment | where | changes acknowledged | sectors not flushed | of these lost | changes lost |",
+        "|---|---|---|---|---|---|",
+        *rows,
+    ]
 
 
 def set_up(folder: Path, asked: argparse.Namespace) -> list[str]:
@@ -198,11 +231,13 @@ PROGRAMS = {
     "mcopy": "mtools",
     "fsck.vfat": "dosfstools",
     "e2fsck": "e2fsprogs",
+    "debugfs": "e2fsprogs",
     "dpkg-deb": "dpkg",
 }
 """What it takes, and the packages of Debian that have it."""
 RESULTS = {
     "cuts": ("card_image", "The card's image in a virtual computer: cuts of the power", cuts),
+    "moments": ("card_image_moments", "The card's image in a virtual computer: what cuts would leave", moments),
     "set-up": ("card_image_set_up", "The card's image in a virtual computer: set-up and adapters", set_up),
     "updates": ("card_image_updates", "The card's image in a virtual computer: updates", updates),
 }
@@ -214,6 +249,7 @@ def main() -> int:
     parser.add_argument("image", type=Path)
     parser.add_argument("--only", choices=sorted(RESULTS), help="one of the trials")
     parser.add_argument("--cuts", type=int, default=20)
+    parser.add_argument("--moments", type=int, default=100, help="so many without a start after each")
     parser.add_argument("--machines", type=int, default=1, help="so many share the cuts at a time")
     parser.add_argument("--minutes", type=float, default=math.inf, help="after which no cut is begun any more")
     parser.add_argument("--seed", type=int, default=1)
