@@ -299,7 +299,7 @@ systemd-run --quiet --unit trial-part --uid msbot --working-directory=/var/lib/m
     --setenv XDG_RUNTIME_DIR=/run/msbot msbot part ABCD --link udp:127.0.0.1:8888
 part 'a part joins'
 echo 'correct horse' | robot user add grace --role administrator --password-stdin
-msbot stop > /dev/null && echo stopped
+msbot stop | grep -o 'the one part has confirmed it'
 process=$(systemctl show msbot-master --property MainPID --value)
 dpkg --force-confold --install /1.deb
 well upgraded
@@ -384,7 +384,7 @@ def test_a_running_robot_is_upgraded_and_removed(root: Path, packages: list[Path
     expected = [
         f"started: active, {VERSIONS[0]}",
         "a part joins: AA active",
-        "stopped",
+        "the one part has confirmed it",
         f"upgraded: active, {VERSIONS[1]}",
         "in a new process",
         "the part stays: AA active",
