@@ -66,6 +66,9 @@ class Bus:
     def restart(self, node_id: int) -> None:
         pass
 
+    def update(self, device: CyphalNode, image: str) -> None:
+        pass
+
     def identify(self, node_id: int) -> None:
         pass
 

@@ -69,6 +69,9 @@ class Host:
     def lost(self, device: ForeignDevice, why: str) -> None:
         self.lost_why.put_nowait(why)
 
+    def explain(self, device: ForeignDevice, why: str) -> None:
+        self.lost_why.put_nowait(why)
+
     def news(self, device: ForeignDevice) -> None:
         self.told.set()
 

@@ -15,7 +15,7 @@ from msbot.config import BridgeTable
 from msbot.part.messages.standard import Text, Trigger
 from msbot.pnp import PartState
 from msbot_bridges.bridge import BridgeLink, ForeignDevice
-from msbot_bridges.dronecan.software_update import (
+from msbot_bridges.canbus.software_update import (
     MOST_S,
     PIECE,
     QUIET_S,

@@ -48,6 +48,8 @@ class Bridge:
         self._nature = nature
         self._running: dict[bytes, _Running] = {}
         self._leaving: set[asyncio.Task[None]] = set()
+        self._explaining: dict[bytes, asyncio.Task[None]] = {}
+        """Of devices that are gone."""
         self._ended = asyncio.Event()
         self._told_full = False
 
@@ -79,6 +81,8 @@ class Bridge:
                 _, late = await asyncio.wait(self._leaving, timeout=END_S)
                 for task in late:
                     task.cancel()
+            for task in self._explaining.values():
+                task.cancel()
             ending.cancel()
             finding.cancel()
             await asyncio.wait([finding, ending])
@@ -103,8 +107,8 @@ class Bridge:
         if bridged.left_out:
             names = ", ".join(bridged.left_out[:5]) + (", ..." if len(bridged.left_out) > 5 else "")
             _log.warning("%s: %d settings left out for want of room: %s", bridged.name, len(bridged.left_out), names)
-        before = None if other is None else other.task
-        self._running[uid] = _Running(bridged, asyncio.create_task(self._run(bridged, before)))
+        before = self._explaining.get(uid) if other is None else other.task
+        self._running[uid] = _Running(bridged, asyncio.create_task(self._run(bridged, before), name=uid.hex()))
 
     def lost(self, device: ForeignDevice, why: str) -> None:
         """See `WorldHost`."""
@@ -113,6 +117,21 @@ class Bridge:
             del self._running[device.identity.uid]
             _log.warning("%s: %s", one.bridged.name, why)
             self._leave(one, why)
+
+    def explain(self, device: ForeignDevice, why: str) -> None:
+        """See `WorldHost`."""
+        uid = device.identity.uid
+        if uid in self._running or uid in self._explaining:
+            return  # it is there again
+
+        async def tell() -> None:
+            # What is left of the part that was lost leaves first.
+            if leaving := [task for task in self._leaving if task.get_name() == uid.hex()]:
+                await asyncio.wait(leaving)
+            await BridgedPart(device, self._prepare, self._nature).explain(self._connect, why)
+
+        task = self._explaining[uid] = asyncio.create_task(tell())
+        task.add_done_callback(lambda _: self._explaining.pop(uid, None))
 
     def news(self, device: ForeignDevice) -> None:
         """See `WorldHost`."""

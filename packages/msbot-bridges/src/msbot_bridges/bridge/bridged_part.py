@@ -24,6 +24,8 @@ from msbot_xrce.errors import ConfigError, LinkError, MsbotError
 
 AGAIN_S = 0.2
 """Time after which a device that has not reported that it has stopped is told so again."""
+EXPLAIN_S = 10.0
+"""Longest time in which a robot is told why a device stays away."""
 RESTART_S = 2.0
 """Time after which a part whose link has failed is started again."""
 
@@ -119,6 +121,19 @@ class BridgedPart:
             except MsbotError as error:
                 _log.error("%s: %s", self.name, error)
                 await self._until_changed()
+
+    async def explain(self, connect: Callable[[Part], Link], why: str) -> None:
+        """Tell the robot why the device is not there, and no more.
+
+        Args:
+            connect: makes a link to the master.
+            why: a sentence.
+        """
+        try:
+            async with asyncio.timeout(EXPLAIN_S):
+                await self.part.run_async(connect(self.part), absent=why)
+        except (TimeoutError, MsbotError) as error:
+            _log.warning("%s: its robot was not told that %s: %s", self.name, why, error or "it does not answer")
 
     @property
     def name(self) -> str:

@@ -211,6 +211,9 @@ class WorldHost(Protocol):
     def lost(self, device: ForeignDevice, why: str) -> None:
         """It is gone; `why` is a sentence for people."""
 
+    def explain(self, device: ForeignDevice, why: str) -> None:
+        """It was lost, and stays away for another reason than was known then: its robot is told."""
+
     def news(self, device: ForeignDevice) -> None:
         """It has reported something: whether it has stopped, or a fault."""
 

@@ -6,7 +6,9 @@ import asyncio
 import importlib
 import logging
 from collections.abc import Callable, Coroutine, Iterable
+from functools import partial
 from typing import Any, Final
+from weakref import WeakKeyDictionary
 
 import nunavut_support
 import pycyphal.application
@@ -21,11 +23,13 @@ from pycyphal.transport.can import CANTransport
 import can
 from msbot_bridges.bridge import DeviceIdentity, ForeignDevice, Value, WorldHost
 from msbot_bridges.canbus import Heartbeats, Neighbours
+from msbot_bridges.canbus.software_update import ImageFolder, SoftwareVersion
 from msbot_bridges.cyphal.aspect import READINESS, Builtin
 from msbot_bridges.cyphal.can_media import PythonCanMedia
 from msbot_bridges.cyphal.node_device import CyphalNode
 from msbot_bridges.cyphal.node_ids import GivenNodeIds, hash_of
 from msbot_bridges.cyphal.node_registers import RegisterSetting, SubjectPort, ports_of, settings_of
+from msbot_bridges.cyphal.node_software import MODE_SOFTWARE_UPDATE, NodeSoftware, version_of
 from msbot_bridges.cyphal.register_access import IDENTIFY, RESTART, STORE, RegisterAccess, is_as_written
 from msbot_bridges.cyphal.subject_groups import SubjectGroups, may_share
 from msbot_bridges.cyphal.subjects import Subjects
@@ -41,6 +45,8 @@ SEEN_UPTIME_S: Final = 2
 RESTART_S: Final = 10.0
 """A node that has not started anew so long after it has been told does not restart by itself."""
 Who = tuple[bytes, bytes]
+SERVER: Final = -1
+"""Instead of a node id: work that is not for one node."""
 logging.getLogger("pycyphal").setLevel(logging.ERROR)
 _log = logging.getLogger("msbot.part")
 
@@ -54,10 +60,18 @@ class CyphalBus:
         node_id: the bridge's own.
         host: is told what is found.
         failed: called once when the bus has ended.
+        images: new software for nodes; None: there is none.
     """
 
     def __init__(
-        self, bus: can.BusABC, address: str, node_id: int, host: WorldHost, failed: Callable[[Exception], None]
+        self,
+        bus: can.BusABC,
+        address: str,
+        node_id: int,
+        host: WorldHost,
+        failed: Callable[[Exception], None],
+        *,
+        images: ImageFolder | None = None,
     ) -> None:
         self._host = host
         self._devices: dict[int, CyphalNode] = {}
@@ -78,6 +92,7 @@ class CyphalBus:
         """Node ids at which another device may be now; what they report does not count."""
         self._verifying = set[int]()
         self._node_is_closed = False
+        self._versions = WeakKeyDictionary[CyphalNode, SoftwareVersion]()
         self._written: dict[tuple[int, str], Value] = {}
         self._ids, self._subjects = GivenNodeIds(), Subjects()
         self._neighbours = Neighbours(address, f"node {node_id}", host.say)
@@ -87,6 +102,9 @@ class CyphalBus:
         info = pycyphal.application.NodeInfo(name="org.msbot.bridge")
         self._node = pycyphal.application.make_node(info, registry, transport=transport)
         self._registers = RegisterAccess(self._node)
+        self._software: NodeSoftware | None = None
+        if images is not None:
+            self._software = NodeSoftware(self._node, self._registers, images, host.say)
         self._tracker = NodeTracker(self._node)
         self._tracker.get_info_attempts = 0  # an answer that comes late ends its task with an error; asked here
         self._tracker.add_update_handler(self._tracked)
@@ -158,9 +176,16 @@ class CyphalBus:
         for key in [key for key in self._written if key[0] == node_id]:
             del self._written[key]
         if (device := self._devices.pop(node_id, None)) is not None:
-            self._host.lost(device, why)
+            updated = "" if self._software is None else self._software.state_of(device.identity.unique)
+            self._host.lost(device, updated or why)
 
     async def _introduce(self, node_id: int, info: Any) -> None:  # noqa: ANN401
+        while int(self._tracker.registry[node_id].heartbeat.mode.value) == MODE_SOFTWARE_UPDATE:  # noqa: ASYNC110
+            await asyncio.sleep(REPEAT_S)  # its boot loader is no device; another start ends this
+        remark, software = "", self._software
+        if software is not None and software.state_of(unique_of(node_id, info)):
+            info = await self._registers.info(node_id) or info
+            remark = software.runs(unique_of(node_id, info), version_of(info))
         registers = await self._registers.read_all(node_id)
         if registers is None:
             self._host.say(f"node {node_id} does not answer when it is asked for its registers")
@@ -169,7 +194,9 @@ class CyphalBus:
         self._subjects.uses(node_id, "published", _subjects_of(ports.published))
         self._subjects.uses(node_id, "subscribed", _subjects_of(ports.subscribed))
         identity = identity_of(node_id, info)
-        device = CyphalNode(identity, node_id, ports, settings_of(registers), self)
+        images = None if software is None else software.images
+        device = CyphalNode(identity, node_id, ports, settings_of(registers), self, images=images, remark=remark)
+        self._versions[device] = version_of(info)
         if (entry := self._tracker.registry.get(node_id)) is not None:
             device.heartbeat(int(entry.heartbeat.health.value), int(entry.heartbeat.mode.value))
         if device.left_out:
@@ -197,7 +224,14 @@ class CyphalBus:
     def _heartbeat(self, told: Any, transfer: TransferFrom) -> None:  # noqa: ANN401
         if _source(transfer) == self._node.id:
             self._neighbours.own()
-        if (device := self._devices.get(_source(transfer))) is not None:
+        if self._software is not None and (who := self._who.get(_source(transfer))) is not None:
+            self._software.reports(who[0], int(told.health.value), int(told.mode.value))
+        device = self._devices.get(_source(transfer))
+        if device is not None and device.is_updating and int(told.mode.value) != MODE_SOFTWARE_UPDATE:
+            # It may have started so soon after the last time that its time since then tells nothing.
+            self._lose(device.node_id, f"node {device.node_id} has started anew")
+            self._begin(device.node_id, self._ask_who(device.node_id))
+        elif device is not None:
             self._doubt(device.node_id, int(told.uptime), transfer.transfer_id)
             device.heartbeat(int(told.health.value), int(told.mode.value))
 
@@ -348,6 +382,22 @@ class CyphalBus:
         """See `SubjectBus`."""
         self._begin(node_id, self._command(node_id, RESTART, "restart"))
 
+    def update(self, device: CyphalNode, image: str) -> None:
+        """See `SubjectBus`."""
+        assert self._software is not None
+        node_id, unique = device.node_id, device.identity.unique
+        ended = partial(self._updated, device)
+        begin = self._software.begin(node_id, unique, image, before=self._versions[device], ended=ended)
+        # It goes on while the node starts anew, which ends all other work for it.
+        self._begin(SERVER, begin)
+
+    def _updated(self, device: CyphalNode, outcome: str) -> None:
+        self._host.say(outcome)
+        if self._devices.get(device.node_id) is device:
+            device.not_updated(outcome)
+        elif all(who[0] != device.identity.unique for who in self._who.values()):
+            self._host.explain(device, outcome)
+
     def identify(self, node_id: int) -> None:
         """See `SubjectBus`."""
         self._begin(node_id, self._command(node_id, IDENTIFY, "show itself"))
@@ -430,6 +480,8 @@ class CyphalBus:
         while True:
             await asyncio.sleep(REPEAT_S)
             self._repeated.clear()
+            if self._software is not None:
+                self._software.look()
             for device in list(self._devices.values()):
                 device.repeat()
 
@@ -442,6 +494,12 @@ def _source(transfer: TransferFrom) -> int:
 def _who(info: Any) -> Who:  # noqa: ANN401
     """What tells a device from others: its unique id, and its name, as there may be none."""
     return bytes(info.unique_id), bytes(info.name)
+
+
+def unique_of(node_id: int, info: Any) -> bytes:  # noqa: ANN401
+    """The unique id of a node; one that has none is where it is."""
+    unique = bytes(info.unique_id)
+    return unique if any(unique) else b"node %d" % node_id
 
 
 def _subjects_of(ports: Iterable[SubjectPort]) -> list[int]:
@@ -458,11 +516,10 @@ def identity_of(node_id: int, info: Any) -> DeviceIdentity:  # noqa: ANN401
     """Who a node says it is; its name is `com.maker.product`."""
     maker, _, product = bytes(info.name).decode(errors="replace").rpartition(".")
     hardware, software = info.hardware_version, info.software_version
-    unique = bytes(info.unique_id)
     return DeviceIdentity(
         maker,
         product,
-        unique if any(unique) else b"node %d" % node_id,
+        unique_of(node_id, info),
         f"Cyphal {product} of {maker}",
         f"node {node_id}",
         f"{hardware.major}.{hardware.minor}",

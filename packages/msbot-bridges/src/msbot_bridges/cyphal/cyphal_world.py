@@ -11,6 +11,7 @@ from typing import Final
 
 from msbot_bridges.bridge import World, WorldHost
 from msbot_bridges.canbus import open_bus
+from msbot_bridges.canbus.software_update import ImageFolder
 from msbot_bridges.cyphal.data_types import load_types
 from msbot_xrce.errors import ConfigError, LinkDown
 
@@ -23,10 +24,11 @@ class CyphalWorld(World):
 
     Args:
         address: `INTERFACE:CHANNEL[?bitrate=N]` of python-can.
+        images: new software for nodes; None: there is none.
     """
 
-    def __init__(self, address: str) -> None:
-        self._address = address
+    def __init__(self, address: str, images: ImageFolder | None = None) -> None:
+        self._address, self._images = address, images
 
     async def run(self, host: WorldHost) -> None:
         """See `World`."""
@@ -38,7 +40,7 @@ class CyphalWorld(World):
 
         bus = await asyncio.to_thread(open_bus, self._address)
         ended: asyncio.Future[None] = asyncio.get_running_loop().create_future()
-        node = CyphalBus(bus, self._address, OWN_ID, host, partial(_end, ended))
+        node = CyphalBus(bus, self._address, OWN_ID, host, partial(_end, ended), images=self._images)
         try:
             await ended
         except Exception as error:

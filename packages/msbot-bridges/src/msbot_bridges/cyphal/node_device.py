@@ -15,6 +15,8 @@ from typing import Any, Final, Protocol
 from msbot.part import Message
 from msbot.part.messages.standard import Text, Trigger
 from msbot_bridges.bridge import DeviceIdentity, DeviceOutput, DeviceService, ForeignDevice, Input, Report, Value
+from msbot_bridges.canbus.software_update import ImageFolder
+from msbot_bridges.canbus.software_wish import UPDATE, SoftwareWish
 from msbot_bridges.cyphal.aspect import ENGAGED, FEEDBACK, READINESS, STANDBY, Aspect, Builtin
 from msbot_bridges.cyphal.node_registers import NodePorts, RegisterSetting, SubjectPort, named_aspects
 from msbot_xrce.lazy import dataclass
@@ -23,7 +25,8 @@ NOMINAL, WARNING = 0, 3
 OPERATIONAL: Final = 0
 RESTART: Final = "restart"
 """A service."""
-_MODES: Final = {1: "is starting", 2: "is in maintenance", 3: "is updating its software"}
+UPDATING: Final = 3
+_MODES: Final = {1: "is starting", 2: "is in maintenance", UPDATING: "is updating its software"}
 
 
 class SubjectBus(Protocol):
@@ -54,6 +57,9 @@ class SubjectBus(Protocol):
     def restart(self, node_id: int) -> None:
         """Have it restart."""
 
+    def update(self, device: CyphalNode, image: str) -> None:
+        """Give it new software, by the name of its image."""
+
     def identify(self, node_id: int) -> None:
         """Have it show itself."""
 
@@ -78,9 +84,9 @@ class CyphalNode(ForeignDevice):
         ports: what its registers say.
         settings: its other registers.
         bus: the way to it.
+        images: from which it can get new software; None: from none.
+        remark: how it got the software that it has.
     """
-
-    services = (DeviceService(RESTART, Trigger, Text),)
 
     def __init__(
         self,
@@ -89,15 +95,25 @@ class CyphalNode(ForeignDevice):
         ports: NodePorts,
         settings: Sequence[RegisterSetting],
         bus: SubjectBus,
+        *,
+        images: ImageFolder | None = None,
+        remark: str = "",
     ) -> None:
         self.identity, self.node_id, self.ports, self._bus = identity, node_id, ports, bus
+        self.services = (DeviceService(RESTART, Trigger, Text),)
+        self._wish: SoftwareWish | None = None
+        if images is not None:
+            self._wish = SoftwareWish(f"node {node_id}", images, lambda: bus.news(self))
+            self.services += (UPDATE,)
+        self._remark = remark
+        taken = {one.name for one in self.services}
         self._driven = {
             name: _Driven(port, aspect)
-            for port, aspects in named_aspects(ports.subscribed, {RESTART}).items()
+            for port, aspects in named_aspects(ports.subscribed, taken).items()
             for name, aspect in aspects.items()
             if aspect.write is not None
         }
-        heard = named_aspects(ports.published, {RESTART, *self._driven}, "_state")
+        heard = named_aspects(ports.published, {*taken, *self._driven}, "_state")
         self._heard = {
             port: told
             for port, aspects in heard.items()
@@ -154,6 +170,8 @@ class CyphalNode(ForeignDevice):
         self._report, self._is_in, self.is_stopping = None, False, False
         self._last.clear()
         self._bus.leave(self)
+        if self._wish is not None and (image := self._wish.take()):
+            self._bus.update(self, image)
 
     def act(self, port: str, message: Message) -> None:
         """See `ForeignDevice`."""
@@ -188,8 +206,11 @@ class CyphalNode(ForeignDevice):
         if self._is_in:
             self._be_ready(urgent=False)
 
-    def serve(self, name: str, request: Message) -> Message:  # noqa: ARG002 - there is one
+    def serve(self, name: str, request: Message) -> Message:
         """See `ForeignDevice`."""
+        if name == UPDATE.name:
+            assert self._wish is not None
+            return self._wish.serve(request)
         self._bus.restart(self.node_id)
         return Text(text=f"node {self.node_id} was told to restart")
 
@@ -207,11 +228,29 @@ class CyphalNode(ForeignDevice):
     @property
     def fault(self) -> str:
         """See `ForeignDevice`."""
+        if self._wish is not None and self._wish.state:
+            return self._wish.state
         if self._mode != OPERATIONAL:
             return f"node {self.node_id} {_MODES.get(self._mode, f'is in mode {self._mode}')}"
         if self._health == WARNING:
             return f"node {self.node_id} says that its health is WARNING"
         return self._trouble
+
+    @property
+    def is_updating(self) -> bool:
+        """Whether it takes new software, as its heartbeat says."""
+        return self._mode == UPDATING
+
+    @property
+    def remark(self) -> str:
+        """See `ForeignDevice`."""
+        return self._remark
+
+    def not_updated(self, why: str) -> None:
+        """It has not taken new software, and goes on as it was."""
+        self._remark = why
+        if self._wish is not None:
+            self._wish.end()
 
     def identify(self) -> None:
         """See `ForeignDevice`."""

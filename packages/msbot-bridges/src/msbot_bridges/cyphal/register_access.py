@@ -21,6 +21,7 @@ TIMES: Final = 3
 MOST_REGISTERS: Final = 250
 RESTART: Final = uavcan.node.ExecuteCommand_1_3.Request.COMMAND_RESTART
 STORE: Final = uavcan.node.ExecuteCommand_1_3.Request.COMMAND_STORE_PERSISTENT_STATES
+BEGIN_SOFTWARE_UPDATE: Final = uavcan.node.ExecuteCommand_1_3.Request.COMMAND_BEGIN_SOFTWARE_UPDATE
 IDENTIFY: Final = uavcan.node.ExecuteCommand_1_3.Request.COMMAND_IDENTIFY
 
 
@@ -78,9 +79,13 @@ class RegisterAccess:
 
     async def command(self, node_id: int, command: int) -> bool:
         """Have a node carry out a standard command; False: it does not, or does not answer."""
+        answer = await self.ask_command(node_id, command)
+        return answer is not None and bool(answer.status == answer.STATUS_SUCCESS)
+
+    async def ask_command(self, node_id: int, command: int, parameter: str = "") -> Any:  # noqa: ANN401
+        """The answer of a node to a standard command; None: there is none."""
         async with self._client(uavcan.node.ExecuteCommand_1_3, node_id) as ask:
-            answer = await _ask(ask, uavcan.node.ExecuteCommand_1_3.Request(command))
-            return answer is not None and answer.status == answer.STATUS_SUCCESS
+            return await _ask(ask, uavcan.node.ExecuteCommand_1_3.Request(command, list(parameter.encode())))
 
     async def _access(self, node_id: int, name: str, value: Any) -> Register | None:  # noqa: ANN401
         async with self._client(uavcan.register.Access_1, node_id) as ask:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from importlib.util import find_spec
+from pathlib import Path
 from typing import Any
 
 from msbot_bridges.bridge import (
@@ -27,9 +28,11 @@ def open_world(link: BridgeLink) -> World:
         ConfigError: the library is missing, or the address makes no sense.
     """
     _check(link)
+    from msbot_bridges.canbus.software_update import ImageFolder
     from msbot_bridges.cyphal.cyphal_world import CyphalWorld
 
-    return CyphalWorld(link.address)
+    folder = link.option("software")
+    return CyphalWorld(link.address, ImageFolder(Path(folder)) if folder else None)
 
 
 def _simulated(kind: str, node_id: int, link: BridgeLink, options: Mapping[str, Any]) -> SimulatedDevice:
@@ -78,6 +81,7 @@ WORLD = WorldKind(
     "Cyphal sensors, servos, batteries, by their registers",
     "socketcan:can0",
     open_world,
+    options={"software": "a folder with images of new software for nodes"},
     simulated={"range": _range, "servo": _servo},
     numbers={"range": "org.msbot:simrange", "servo": "org.msbot:simcyphalservo"},
     fits=_fits,

@@ -20,11 +20,11 @@ from dronecan.driver.common import DriverError
 import can
 from msbot_bridges.bridge import DeviceIdentity, DeviceSetting, World, WorldHost, WorldThread
 from msbot_bridges.canbus import Heartbeats, Neighbours, open_bus
+from msbot_bridges.canbus.software_update import ImageFolder
 from msbot_bridges.dronecan.can_driver import PythonCanDriver
 from msbot_bridges.dronecan.node_device import KINDS, NodeDevice
 from msbot_bridges.dronecan.node_ids import NodeIdAllocator
 from msbot_bridges.dronecan.node_software import NodeSoftware, version_of
-from msbot_bridges.dronecan.software_update import ImageFolder
 from msbot_xrce.errors import LinkDown
 
 OWN_ID = 126
@@ -265,6 +265,9 @@ class DronecanWorld(World):
     def _updated(self, known: _Node, outcome: str) -> None:
         self._say(outcome)
         device = known.device
+        is_gone = all(one.unique != known.unique or one.device is None for one in self._nodes.values())
+        if device is not None and is_gone:
+            self._thread.tell(partial(self._host.explain, device, outcome))
         if self._nodes.get(known.node_id) is known and device is not None:
             self._thread.tell(lambda: device.not_updated(outcome))
         else:

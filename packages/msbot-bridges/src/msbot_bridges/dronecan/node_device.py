@@ -7,7 +7,6 @@ its neutral position.
 
 from __future__ import annotations
 
-import asyncio
 import math
 from collections.abc import Callable
 from typing import Any
@@ -26,14 +25,12 @@ from msbot_bridges.bridge import (
     Report,
     fits_of,
 )
-from msbot_bridges.dronecan.software_update import ImageFolder
-from msbot_xrce.errors import CallError, ConfigError
+from msbot_bridges.canbus.software_update import ImageFolder
+from msbot_bridges.canbus.software_wish import UPDATE, SoftwareWish
 
 NEUTRAL_DEGREES = 3.0
 """A servo is at its neutral position when it reports no more than this."""
 STANDS_RPM = 1.0
-REPLY_S = 0.3
-"""So long after a request for new software a node is still in its robot."""
 
 ESC, SERVO, RANGE, BATTERY, PLACE = (
     "uavcan.equipment.esc.Status",
@@ -64,8 +61,8 @@ _KIND_WORDS = {
     BATTERY: said("batteries"),
     PLACE: said("GNSS receivers"),
 }
-RESTART, UPDATE = "restart", "update"
-"""Services."""
+RESTART = "restart"
+"""A service."""
 
 
 def node_fits() -> tuple[Fit, ...]:
@@ -125,13 +122,11 @@ class NodeDevice(ForeignDevice):
         self.is_critical = self.is_updating = False
         """As its NodeStatus says."""
         self.services = (DeviceService(RESTART, Trigger, Text),)
-        if images is not None:
-            self.services += (DeviceService(UPDATE, Text, Text),)
-        self.update_state = ""
-        """That it takes new software, as a sentence; it is no part of its robot meanwhile."""
-        self._wanted_image = ""
+        self._wish = None if images is None else SoftwareWish(f"node {node_id}", images, lambda: news(self))
+        if self._wish is not None:
+            self.services += (UPDATE,)
         self._order, self._write, self._news = order, write, news
-        self._restart, self._update, self._images, self._remark = restart, update, images, remark
+        self._restart, self._update, self._remark = restart, update, remark
         self._report: Report | None = None
         self._unconfirmed = set[str]()
 
@@ -144,8 +139,7 @@ class NodeDevice(ForeignDevice):
         """See `ForeignDevice`."""
         self._report, self.is_driven = None, False
         self._order(False)
-        if self._wanted_image:
-            image, self._wanted_image = self._wanted_image, ""
+        if self._wish is not None and (image := self._wish.take()):
             self._update(image)
 
     def act(self, port: str, message: Message) -> None:  # noqa: ARG002 - the class says which
@@ -161,24 +155,8 @@ class NodeDevice(ForeignDevice):
         if name == RESTART:
             self._restart()
             return Text(text=f"node {self.node_id} was told to restart")
-        assert isinstance(request, Text), name
-        assert self._images is not None
-        try:
-            self._images.check(request.text)
-        except ConfigError as error:
-            raise CallError(str(error)) from error
-        if self._wanted_image:
-            raise CallError(f"node {self.node_id} takes {self._wanted_image} already")
-        self._wanted_image = request.text
-        words = f"node {self.node_id} takes new software ({request.text})"
-        # First the reply goes out; then it leaves its robot, which makes it safe; then it is told.
-        asyncio.get_running_loop().call_later(REPLY_S, self._leave, words)
-        return Text(text=f"{words}; the robot's log says how it ends")
-
-    def _leave(self, words: str) -> None:
-        if self._wanted_image:
-            self.update_state = words
-            self._news(self)
+        assert self._wish is not None, name
+        return self._wish.serve(request)
 
     def set(self, name: str, value: object) -> None:
         """See `ForeignDevice`."""
@@ -208,8 +186,8 @@ class NodeDevice(ForeignDevice):
     @property
     def fault(self) -> str:
         """See `ForeignDevice`."""
-        if self.update_state:
-            return self.update_state
+        if self._wish is not None and self._wish.state:
+            return self._wish.state
         if self.is_updating:
             return f"node {self.node_id} takes new software"
         return f"node {self.node_id} says that its health is CRITICAL" if self.is_critical else ""
@@ -221,8 +199,9 @@ class NodeDevice(ForeignDevice):
 
     def not_updated(self, why: str) -> None:
         """It has not taken new software, and goes on as it was."""
-        self.update_state, self._remark = "", why
-        self._news(self)
+        self._remark = why
+        if self._wish is not None:
+            self._wish.end()
 
     def health(self, is_critical: bool, is_updating: bool) -> None:
         """Its NodeStatus says something else than the one before."""

@@ -9,7 +9,7 @@ from typing import Any, Final
 
 from dronecan import uavcan
 
-from msbot_bridges.dronecan.software_update import ImageFolder, SoftwareUpdate, SoftwareVersion
+from msbot_bridges.canbus.software_update import ImageFolder, SoftwareUpdate, SoftwareVersion
 from msbot_xrce.errors import ConfigError
 
 BEGIN_TIMES: Final = 3

@@ -27,8 +27,8 @@ def open_world(link: BridgeLink) -> World:
         ConfigError: the library is missing, or the address makes no sense.
     """
     try:
+        from msbot_bridges.canbus.software_update import ImageFolder
         from msbot_bridges.dronecan.dronecan_world import DronecanWorld
-        from msbot_bridges.dronecan.software_update import ImageFolder
     except ModuleNotFoundError as error:
         raise _missing(error) from error
     check_address(link.address)

@@ -1,15 +1,21 @@
-"""What simulated devices have in common: a node of the library, its registers, its restart."""
+"""What simulated devices have in common: a node of the library, its registers, its restart, its new software.
+
+It takes an image that begins with `SIMULATED 1.1`, say, and whatever octets follow. From any other image it starts
+again with the software that it had.
+"""
 
 from __future__ import annotations
 
 import asyncio
 import hashlib
+import re
 import tempfile
 from abc import ABC, abstractmethod
 from pathlib import Path
 from typing import Any, Final
 
 import pycyphal.application
+import pycyphal.application.file
 import uavcan.node
 import uavcan.primitive.array
 from pycyphal.application.plug_and_play import Allocatee
@@ -23,6 +29,7 @@ from msbot_xrce.errors import LinkDown
 
 PERIOD_S: Final = 0.1
 LOOK_S: Final = 0.05
+_IMAGE: Final = re.compile(rb"SIMULATED (\d{1,2})\.(\d{1,2})\b")
 Command = uavcan.node.ExecuteCommand_1_3
 
 
@@ -43,6 +50,8 @@ class LibraryNode(ABC):
             :16
         ]
         self.restarts = 0
+        self.software = (1, 0)
+        self._updating: asyncio.Task[None] | None = None
         self.node: Any = None
         self._again = asyncio.Event()
         self._failure: Exception | None = None
@@ -79,7 +88,7 @@ class LibraryNode(ABC):
         info = pycyphal.application.NodeInfo(
             name=f"org.msbot.{self.product}",
             unique_id=list(self.unique_id),
-            software_version=uavcan.node.Version_1(1, 0),
+            software_version=uavcan.node.Version_1(*self.software),
         )
         transport = CANTransport(media, self.node_id)
         self.node = pycyphal.application.make_node(info, registry, transport=transport)
@@ -88,12 +97,27 @@ class LibraryNode(ABC):
             self.set_up(self.node)
             self.node.start()
             while not self._again.is_set():
-                self.live()
+                if self._updating is None:
+                    self.live()
                 await asyncio.sleep(PERIOD_S)
                 self._check_bus()
         finally:
+            if self._updating is not None:
+                self._updating.cancel()
+                self._updating = None
             self.node.close()
             await media.closed()
+
+    async def _take_image(self, server: int, path: str) -> None:
+        """Read an image, as a boot loader does, and start again."""
+        self.node.heartbeat_publisher.mode = uavcan.node.Mode_1.SOFTWARE_UPDATE
+        try:
+            image = await pycyphal.application.file.FileClient2(self.node, server).read(path)
+        except (OSError, pycyphal.application.file.RemoteFileError):
+            image = b""
+        if (found := _IMAGE.match(image)) is not None:
+            self.software = int(found[1]), int(found[2])
+        self._again.set()
 
     async def _ask_for_id(self, bus: can.BusABC) -> int:
         media = PythonCanMedia(bus, self._failed)
@@ -116,9 +140,15 @@ class LibraryNode(ABC):
     def _failed(self, error: Exception) -> None:
         self._failure = error
 
-    async def _commanded(self, request: Any, _: object) -> Any:  # noqa: ANN401
+    async def _commanded(self, request: Any, asked: Any) -> Any:  # noqa: ANN401
         answer = Command.Response()
-        if request.command == Command.Request.COMMAND_RESTART:
+        if request.command == Command.Request.COMMAND_BEGIN_SOFTWARE_UPDATE:
+            if self._updating is not None:
+                answer.status = answer.STATUS_BAD_STATE
+            else:
+                path = bytes(request.parameter).decode(errors="replace")
+                self._updating = asyncio.create_task(self._take_image(asked.client_node_id, path))
+        elif request.command == Command.Request.COMMAND_RESTART:
             asyncio.get_running_loop().call_later(LOOK_S, self._again.set)  # the answer is still to go out
         elif request.command not in (Command.Request.COMMAND_STORE_PERSISTENT_STATES, Command.Request.COMMAND_IDENTIFY):
             answer.status = answer.STATUS_BAD_COMMAND
