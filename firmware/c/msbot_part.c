@@ -690,6 +690,8 @@ static void reply_to_call(msbot_part *part, const uint8_t *payload, size_t size)
         part->dropped++; /* late, or twice */
     } else if (size < 5 || payload[4] >= STATUSES) {
         end_call(part, call, NULL, 0, "the reply makes no sense to this version");
+    } else if (payload[4] == DONE && part->stopped) {
+        end_call(part, call, NULL, 0, words[STOPPED]); /* nothing that was said before STOP moves anything */
     } else if (payload[4] == DONE) {
         end_call(part, call, payload + 5, size - 5, NULL);
     } else {

@@ -130,6 +130,8 @@ class Services:
             self._part.counters.dropped += 1
             return
         reply = None
+        if octets[:1] == b"\0" and self._part.stopped:
+            octets = b"\1"  # nothing that was said before STOP moves anything
         if octets[:1] == b"\0":
             message_class = self._calls[call[0]][1]
             try:

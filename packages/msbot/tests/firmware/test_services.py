@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import struct
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from random import Random
@@ -12,6 +13,7 @@ from unittest import mock
 import pytest
 
 from msbot import CallError, Number, Text
+from msbot.part.calls import ReplyStatus, encode_reply
 from msbot.pnp import Freeze
 from tests.firmware.c_part import CPart, Described
 from tests.firmware.msbot_side import Part
@@ -147,11 +149,23 @@ def test_it_calls_and_learns_every_end(firmware: Firmware, tmp_path: Path, types
         await asyncio.sleep(0.5)
         assert board.ended[0] == (7, "refused: negative numbers have no name here")
         assert str(board.ended[1][1]).startswith("the part that serves it cannot read the request: ")
+        later: list[Callable[[bytes], None]] = []
+
+        def serve_later(_binding: object, _request: bytes, *, stopped: bool, reply: Callable[[bytes], None]) -> bool:
+            later.append(reply)
+            return not stopped
+
+        services = other._runner._services
+        serve, services.serve = services.serve, serve_later  # type: ignore[assignment]
+        board.call(ASK, 12, number(1), 60.0)
+        await asyncio.sleep(0.5)
+        services.serve = serve  # type: ignore[method-assign]
         robot.master.say_stop("ann")
         await asyncio.sleep(0.5)
+        later[0](encode_reply(ReplyStatus.DONE, Text(text="late").encode()))
         board.call(ASK, 9, number(1))
         await asyncio.sleep(0.5)
-        assert board.ended[2:] == [(9, "STOP is in force: call again after GO")]
+        assert board.ended[2:] == [(one, "STOP is in force: call again after GO") for one in (12, 9)]
         robot.master.say_go("ann")
         await asyncio.sleep(0.5)
         board.ended.clear()

@@ -22,6 +22,7 @@ from msbot import (
     uint64,
 )
 from msbot.config import Options
+from msbot.part.calls import ReplyStatus, encode_reply
 from tests.homes.world import PARTNER_UID, SLOT, SPARE_SLOT, Part, Robot, World
 
 KEY = bytes.fromhex("00112233445566778899aabbccddeeff")
@@ -179,6 +180,28 @@ async def calls(world: World) -> None:
     await asyncio.sleep(1.0)
     world.master.say_go("ann")
     await asyncio.sleep(1.0)
+    world.note("replies come while STOP holds")
+    clock = asyncio.get_running_loop().time
+    began_at = clock()
+    later: list[Callable[[bytes], None]] = []
+    asked = asyncio.Event()
+
+    def serve_later(_binding: object, _request: bytes, *, stopped: bool, reply: Callable[[bytes], None]) -> bool:
+        later.append(reply)
+        asked.set()
+        return not stopped
+
+    services = partner._runner._services
+    serve, services.serve = services.serve, serve_later  # type: ignore[assignment]
+    await asked.wait()
+    world.master.say_stop("ann")
+    await asyncio.sleep(0.5)
+    for reply in later:
+        reply(encode_reply(ReplyStatus.DONE, Text(text="late").encode()))
+    await asyncio.sleep(0.5)
+    services.serve = serve  # type: ignore[method-assign]
+    world.master.say_go("ann")
+    await asyncio.sleep(began_at + 4.0 - clock())
     world.note("frozen")
     world.hold("look at me")
     await asyncio.sleep(1.0)

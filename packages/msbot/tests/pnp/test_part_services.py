@@ -10,7 +10,8 @@ import pytest
 
 from msbot import CallError, HelloWorld, Message, Number, Part, Text
 from msbot.config import Slot
-from msbot.part.calls import MOST_OPEN_CALLS, MOST_SERVED
+from msbot.part.calls import MOST_OPEN_CALLS, MOST_SERVED, ReplyStatus, encode_reply
+from msbot.part.join.pnp_messages import PortBinding
 from msbot.pnp import Configuration, Freeze, Keys, MemoryStore, SlotBinding
 from msbot.pnp.type_agreement import difference_sentence
 from msbot.process.virtual_time import run_virtual
@@ -261,6 +262,75 @@ def test_the_program_that_serves_starts_anew_while_a_call_is_open() -> None:
         scene.aa.call("ask", Number(value=8.0), on_reply=lambda reply, _: scene.log.append(reply))
         await asyncio.sleep(0.5)
         assert scene.log[1:] == [Number(value=4.0)]
+
+    tell(story)
+
+
+def serve_later(scene: Scene) -> list[Callable[[], None]]:
+    """BB takes requests, and replies when the test says so."""
+    later: list[Callable[[], None]] = []
+    halve(scene)
+
+    def serve(binding: PortBinding, _request: bytes, *, stopped: bool, reply: Callable[[bytes], None]) -> bool:
+        message = Number(value=4.5) if binding.port == "halve" else Text(text="it is 9")
+        later.append(lambda: reply(encode_reply(ReplyStatus.DONE, message.encode())))
+        return not stopped
+
+    scene.bb._runner._services.serve = serve  # type: ignore[assignment]
+    return later
+
+
+@pytest.mark.promise("No reply moves a part while STOP holds")
+@pytest.mark.parametrize("end", ["reply", "timeout", "lost partner", "part ended"])
+def test_a_function_that_waits_for_a_reply_when_stop_is_said_stands_still_until_go(end: str) -> None:
+    async def story(scene: Scene) -> None:
+        later = serve_later(scene)
+        scene.asks("ask", Number(value=9.0), timeout=5.0 if end == "timeout" else 60.0)
+        await scene.plug(scene.bb, scene.aa)
+        scene.robot.service.stop_all("ann", "", 0)
+        await asyncio.sleep(0.5)
+        assert scene.aa.stopped
+        if end == "reply":
+            later[0]()
+        elif end == "lost partner":
+            scene.bb.end()
+        await asyncio.sleep(8.0)
+        assert scene.log == []
+        if end == "part ended":
+            scene.aa.end()
+        else:
+            scene.robot.service.go_all("ann")
+        await asyncio.sleep(0.5)
+        why = "the part has ended" if end == "part ended" else "STOP was said meanwhile: call again"
+        assert scene.log == [f"call of ask: {why}"]
+        assert scene.aa.counters.handler_errors == 0
+
+    tell(story)
+
+
+def test_a_reply_that_comes_while_stop_holds_reaches_no_function() -> None:
+    async def story(scene: Scene) -> None:
+        later = serve_later(scene)
+
+        def told(reply: Text | None, error: str) -> None:
+            scene.log.append((reply, error))
+
+        scene.aa.every(1000.0)(lambda: scene.aa.call("name", Number(value=9.0), timeout=60.0, on_reply=told))
+
+        @scene.aa.on_stop
+        def stopped() -> None:
+            scene.aa.call("name", Number(value=1.0), timeout=60.0, on_reply=told)
+
+        await scene.plug(scene.bb, scene.aa)
+        scene.robot.service.stop_all("ann", "", 0)
+        await asyncio.sleep(0.5)
+        for reply in later:
+            reply()
+        await asyncio.sleep(0.5)
+        assert scene.log == [(None, "call of name: STOP is in force: call again after GO")] * 2
+        scene.robot.service.go_all("ann")
+        await asyncio.sleep(0.5)
+        assert len(scene.log) == 2
 
     tell(story)
 

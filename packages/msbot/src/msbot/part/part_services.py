@@ -36,11 +36,19 @@ class PartCalls:
         self._guard = guard
         self._open = OpenCalls()
         self._unseal: Callable[[int, bytes], bytes | None] = lambda _, octets: octets
+        self._is_stopped: Callable[[], bool] = lambda: False
+        self._standing: list[tuple[str, Callable[[object], None]]] = []
+        """Port of each call that has ended while STOP holds, and how its function goes on."""
         self._alarm: asyncio.TimerHandle | None = None
 
-    def begin(self, unseal: Callable[[int, bytes], bytes | None]) -> None:
-        """The part begins to run; `unseal` opens what the agent delivers, None: refused."""
-        self._unseal = unseal
+    def begin(self, unseal: Callable[[int, bytes], bytes | None], is_stopped: Callable[[], bool]) -> None:
+        """The part begins to run.
+
+        Args:
+            unseal: opens what the agent delivers, None: refused.
+            is_stopped: whether STOP holds.
+        """
+        self._unseal, self._is_stopped = unseal, is_stopped
 
     def call(
         self,
@@ -77,7 +85,7 @@ class PartCalls:
         if number is None:
             raise CallError(f"call of {port}: there is no room on the way to the robot now: call again later")
         if on_reply is None:
-            outcome = self._guard.wait(lambda go_on: self._opened(number, port, timeout_s, go_on))
+            outcome = self._guard.wait(lambda go_on: self._opened(number, port, timeout_s, self._held(port, go_on)))
             if isinstance(outcome, bytes):
                 outcome = self._read(port, exchange, outcome)
             if isinstance(outcome, CallError):
@@ -87,7 +95,9 @@ class PartCalls:
 
         def done(outcome: object) -> None:
             assert on_reply is not None
-            found = self._read(port, exchange, outcome) if isinstance(outcome, bytes) else outcome
+            found: object = outcome
+            if isinstance(outcome, bytes):
+                found = _stopped(port) if self._is_stopped() else self._read(port, exchange, outcome)
             if isinstance(found, Message):
                 self._guard.call(on_reply, found, "")
             else:
@@ -108,6 +118,34 @@ class PartCalls:
         """End all open calls, or those of one port, for a reason in words."""
         self._open.fail(why, port)
         self._set_alarm()
+
+    def stop_is_over(self) -> None:
+        """GO: the functions whose calls have ended meanwhile go on; what was replied before GO counts no more."""
+        standing, self._standing = self._standing, []
+        for port, go_on in standing:
+            go_on(CallError(f"call of {port}: STOP was said meanwhile: call again"))
+
+    def end_all(self, why: str) -> None:
+        """The part ends, and with it every call, for a reason in words."""
+        self._is_stopped = lambda: False
+        self.end(why)
+        standing, self._standing = self._standing, []
+        for port, go_on in standing:
+            go_on(CallError(f"call of {port}: {why}"))
+
+    def _held(self, port: str, go_on: Callable[[object], None]) -> Callable[[object], None]:
+        """As `go_on`, but no reply moves anything while STOP holds: a function that waits since before stands still."""
+        is_from_before = not self._is_stopped()
+
+        def ended(outcome: object) -> None:
+            if not self._is_stopped():
+                go_on(outcome)
+            elif is_from_before:
+                self._standing.append((port, go_on))
+            else:
+                go_on(_stopped(port) if isinstance(outcome, bytes) else outcome)
+
+        return ended
 
     def _checked(self, port: str, request: Message, timeout_s: float) -> Exchange:
         exchange = self._program.calls.get(port) if isinstance(port, str) else None
@@ -145,6 +183,11 @@ class PartCalls:
     def _ring(self) -> None:
         self._open.handle_timer(asyncio.get_running_loop().time())
         self._set_alarm()
+
+
+def _stopped(port: str) -> CallError:
+    """What a caller gets in place of a reply that comes while STOP holds."""
+    return CallError(f"call of {port}: {ReplyStatus.STOPPED.describe}")
 
 
 class PartServices:

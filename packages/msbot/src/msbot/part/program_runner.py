@@ -290,7 +290,7 @@ class ProgramRunner:
             absent=identity.absent,
         )
         self._ports = Ports(membership.client, membership.participant, membership.subscriber, membership.seals.seal)
-        self._calls.begin(membership.seals.open)
+        self._calls.begin(membership.seals.open, lambda: self.safety.stopped)
         self.guard.lets_wait = bool(self.program.calls)
         membership.start()
         loop = asyncio.get_running_loop()
@@ -301,7 +301,7 @@ class ProgramRunner:
             for timer in told:
                 timer.cancel()
             membership.end("ended")
-            self._calls.end("the part has ended")
+            self._calls.end_all("the part has ended")
             self.guard.waiting.end_all()
             self.trouble_heard = membership.trouble_heard
             self._ports = self._membership = None
@@ -410,6 +410,7 @@ class ProgramRunner:
 
     def _stop_is_over(self) -> None:
         self._tell("go")
+        self._calls.stop_is_over()
         if self.safety.is_held:
             self.say_stop()
 
