@@ -29,7 +29,7 @@ from msbot_bridges.cyphal.can_media import PythonCanMedia
 from msbot_bridges.cyphal.node_device import CyphalNode
 from msbot_bridges.cyphal.node_ids import GivenNodeIds, hash_of
 from msbot_bridges.cyphal.node_registers import RegisterSetting, SubjectPort, ports_of, settings_of
-from msbot_bridges.cyphal.node_software import MODE_SOFTWARE_UPDATE, NodeSoftware, version_of
+from msbot_bridges.cyphal.node_software import MODE_SOFTWARE_UPDATE, CyphalSoftware, version_of
 from msbot_bridges.cyphal.register_access import IDENTIFY, RESTART, STORE, RegisterAccess, is_as_written
 from msbot_bridges.cyphal.subject_groups import SubjectGroups, may_share
 from msbot_bridges.cyphal.subjects import Subjects
@@ -102,9 +102,9 @@ class CyphalBus:
         info = pycyphal.application.NodeInfo(name="org.msbot.bridge")
         self._node = pycyphal.application.make_node(info, registry, transport=transport)
         self._registers = RegisterAccess(self._node)
-        self._software: NodeSoftware | None = None
+        self._software: CyphalSoftware | None = None
         if images is not None:
-            self._software = NodeSoftware(self._node, self._registers, images, host.say)
+            self._software = CyphalSoftware(self._node, self._registers, images, host.say)
         self._tracker = NodeTracker(self._node)
         self._tracker.get_info_attempts = 0  # an answer that comes late ends its task with an error; asked here
         self._tracker.add_update_handler(self._tracked)

@@ -34,7 +34,7 @@ _OTHER: Final = 0xFF
 """An answer whose words say why."""
 
 
-class NodeSoftware:
+class CyphalSoftware:
     """See the module's docstring.
 
     No path of a node leads elsewhere than to the octets of that image, which were read before.
