@@ -29,7 +29,7 @@ def lamp_robot() -> Iterator[tuple[Lamp, Robot]]:
 
 def test_it_describes_itself_so_that_a_robot_can_adopt_it() -> None:
     bridged = BridgedPart(Lamp(b"1", lambda _: None))
-    text = describe("hello:lamp", bridged.device.identity.description, bridged.part.program)
+    text = describe("hello:lamp", bridged.device.identity.words, bridged.part.program)
     found = read_description(text, "hello:lamp", load_library()).part_type
     assert [(port.name, port.type_name, port.safe) for port in found.ports] == [
         ("brightness", "Level", None),

@@ -97,6 +97,8 @@ async def test_in_a_robot_the_part_says_that_it_is_updated_and_the_log_what_came
             lines = [str(line["words"]) for line in answer["lines"]]
             await asyncio.sleep(0.05)
         assert any("software 1.0), node 42" in line for line in lines), "what it had before"
+        await robot.until(lambda: (found := robot.part(number)) is not None and found.software == "1.1")
+        assert any("its software is 1.1; it was 1.0" in line for line in robot.master.why(number))
 
 
 async def test_a_wrong_image_ends_with_a_reason(tmp_path: Path) -> None:

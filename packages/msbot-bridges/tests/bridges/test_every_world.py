@@ -30,6 +30,8 @@ from tests.e2e.test_processes import free_port
 
 PUMP = Path(__file__).parents[4] / "examples" / "makers" / "pump.toml"
 LONG_S = 120
+SOFTWARE = {"canopen": "1.0", "cyphal": "1.0", "dronecan": "1.0", "mqtt": "1.0", "modbus": "1.0"}
+"""Versions that the devices say; the simulator of Jacdac says none."""
 BROWSERS = ("chromium-headless-shell", "chromium", "chromium-browser", "google-chrome")
 
 
@@ -170,6 +172,10 @@ async def test_a_device_is_adopted_recorded_stopped_and_its_loss_explained(
             await robot.until(lambda: (found := robot.part(number)) is not None and found.says is not None)
             await robot.do("adopt", who="ann", part=number, slot="guest")
             await robot.until(lambda: robot.is_in(number, PartState.ACTIVE))
+            if version := SOFTWARE.get(world):
+                await robot.until(lambda: (found := robot.part(number)) is not None and found.software == version)
+                told = robot.master.why(number)
+                assert any(f"software {version}" in line for line in told), told
             wire = {"topic": "seen", "type": message, "from": f"guest.{port}", "to": []}
             await robot.do("bind", who="ann", **wire)
             if world == "mqtt":  # a lamp reports when something has changed

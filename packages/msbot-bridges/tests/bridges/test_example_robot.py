@@ -27,7 +27,7 @@ EXAMPLE = Path(__file__).parents[4] / "examples" / "makers"
 
 def described(device: ForeignDevice) -> str:
     part = BridgedPart(device).part
-    return describe(part.part_number, device.identity.description, part.program).rstrip() + "\n"
+    return describe(part.part_number, device.identity.words, part.program).rstrip() + "\n"
 
 
 async def test_the_types_of_the_example_are_what_the_devices_say(tmp_path: Path) -> None:

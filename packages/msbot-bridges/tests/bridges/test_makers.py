@@ -180,7 +180,7 @@ async def test_the_library_of_the_sample_is_what_the_devices_say(world: str, dev
     async with kind.reached(own) as address, running(kind.open(address)) as host:
         simulating = asyncio.create_task(kind.simulated[device](address, {}).run())
         found = BridgedPart(await host.devices.get())
-        text = describe(found.part.part_number, found.device.identity.description, found.part.program)
+        text = describe(found.part.part_number, found.device.identity.words, found.part.program)
         said = read_description(text, found.part.part_number, load_library()).part_type
         kept = load_library(Path(__file__).parents[2] / "src/msbot_bridges/makers/adopted").require(said.number)
         assert (said.ports, said.parameters, said.name) == (kept.ports, kept.parameters, kept.name)

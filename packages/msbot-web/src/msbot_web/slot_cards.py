@@ -226,6 +226,8 @@ def part_line(info: PartInfo, *, is_ignored: bool) -> PartLine:
         duplicates=list(info.duplicates),
         ignored=is_ignored,
         nature=info.nature.label,
+        hardware=info.hardware,
+        software=info.software,
         says=None if info.says is None else _says(info.says),
         refusal="" if info.refusal is None else info.refusal.name.lower(),
     )

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from msbot import Part
 from msbot.part.join.hardware_trouble import TroublePiece
-from msbot.part.join.part_log import BURST, LONGEST_LINE, LineRate, LogLevel, LogSender, printable
+from msbot.part.join.part_log import BURST, LONGEST_LINE, LineRate, LogLevel, LogSender, VersionOf, printable
 from msbot.pnp.inventory_record import InventoryRecord
 from msbot.pnp.model import THESIS_TIMING
 from msbot.pnp.part_log import BURST as MASTERS_BURST
@@ -19,7 +19,7 @@ from msbot_xrce.errors import ConfigError
 from tests.operations.stage import AA_IS_A_DIAL, Stage, play
 
 
-def heard(sender: LogSender, record: InventoryRecord) -> list[tuple[LogLevel, str]]:
+def heard(sender: LogSender, record: InventoryRecord) -> list[tuple[LogLevel | VersionOf, str]]:
     """What of the sender's lines reaches the record."""
     lines = []
     for octets in sender.pieces(7):
@@ -33,6 +33,18 @@ def heard(sender: LogSender, record: InventoryRecord) -> list[tuple[LogLevel, st
 
 def record() -> InventoryRecord:
     return InventoryRecord(1, "wire", THESIS_TIMING, 0.0)
+
+
+def test_versions_go_before_the_lines_that_wait_and_are_no_lines() -> None:
+    sender = LogSender()
+    sender.add(LogLevel.INFO, "a line", 0.0)
+    for of, text in ((VersionOf.SOFTWARE, "2.1\n"), (VersionOf.HARDWARE, "")):
+        sender.add_version(of, text)
+    assert heard(sender, record()) == [
+        (VersionOf.HARDWARE, " "),
+        (VersionOf.SOFTWARE, "2.1 "),
+        (LogLevel.INFO, "a line"),
+    ]
 
 
 @given(st.text(), st.sampled_from(LogLevel))

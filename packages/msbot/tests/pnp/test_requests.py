@@ -9,7 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from msbot.part.join import pnp_messages, thesis_messages
-from msbot.part.join.hardware_trouble import trouble_pieces
+from msbot.part.join.hardware_trouble import TroublePiece, trouble_pieces
+from msbot.part.join.part_log import LEVEL_SHIFT, VersionOf
 from msbot.pnp import Configuration, Keys, Refusal, SlotBinding
 from msbot.pnp.requests import RequestHandler
 from msbot_xrce.counting import MOST_NAMES, OTHERS
@@ -32,6 +33,7 @@ class Counter:
         message: pnp_messages.ClaimMessage
         | pnp_messages.Beat
         | pnp_messages.NatureMessage
+        | TroublePiece
         | pnp_messages.ConfigurationRequest,
         key: int = KEY,
     ) -> bytes | None:
@@ -105,6 +107,32 @@ def test_a_part_says_what_is_behind_its_ports(number: int, nature: str) -> None:
     assert counter.rig.part(KEY).nature.label == nature
     counter.ask(pnp_messages.NatureMessage(lease=lease ^ 1, nature=1))
     assert counter.rig.part(KEY).nature.label == nature, "not by somebody without its lease"
+
+
+def test_a_part_says_its_versions_and_another_one_is_noted_once() -> None:
+    counter = Counter()
+    lease = counter.register().lease
+
+    def say(of: VersionOf, text: str, lease: int = lease) -> None:
+        for piece in trouble_pieces(lease, text):
+            piece.place |= of << LEVEL_SHIFT
+            assert counter.ask(piece) is None
+
+    def history() -> str:
+        return "\n".join(counter.rig.inventory.why(counter.rig.part(KEY).part, counter.rig.now))
+
+    say(VersionOf.SOFTWARE, "1.0")
+    say(VersionOf.HARDWARE, "a board with a long name")
+    said = counter.rig.part(KEY)
+    assert (said.hardware, said.software) == ("a board with a long name", "1.0")
+    assert "It says: hardware a board with a long name, software 1.0." in history()
+    say(VersionOf.SOFTWARE, "9", lease ^ 1)
+    say(VersionOf.SOFTWARE, "1.0")
+    assert counter.rig.part(KEY).software == "1.0"
+    assert "it was" not in history()
+    say(VersionOf.SOFTWARE, "1.1")
+    assert counter.rig.part(KEY).software == "1.1"
+    assert "its software is 1.1; it was 1.0" in history()
 
 
 def test_the_configuration_travels_whole() -> None:

@@ -62,7 +62,7 @@ class BridgedPart:
             part = self._part_with([setting.name for setting in settings])
             part.nature = nature
             try:
-                describe(part.part_number, self.device.identity.description, part.program)
+                describe(part.part_number, self.device.identity.words, part.program)
             except ConfigError:
                 if not settings:
                     raise
@@ -72,7 +72,8 @@ class BridgedPart:
 
     def _part_with(self, settings: list[str]) -> Part:
         device, who = self.device, self.device.identity
-        part = Part(who.part_number, uid=who.uid, describes=who.description)
+        part = Part(who.part_number, uid=who.uid, describes=who.words)
+        part.hardware, part.software = who.hardware, who.software
         part_is_run(part)  # or given up for one with fewer settings
         for output in device.outputs:
             part.publishes(output.name, output.message)

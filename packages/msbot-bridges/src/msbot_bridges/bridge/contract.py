@@ -64,7 +64,7 @@ class DeviceIdentity:
 
     @property
     def description(self) -> str:
-        """For the library: what it is, with its versions."""
+        """For the log: what it is, with its versions."""
         versions = [
             f"{what} {version}"
             for what, version in (("hardware", self.hardware), ("software", self.software))

@@ -59,6 +59,7 @@ class SimulatedLamp:
                 "identifiers": [f"msbot-lamp-{self._serial}"],
                 "manufacturer": "simulated",
                 "model": "lamp",
+                "sw_version": "1.0",
                 "name": f"Simulated lamp {self._serial}",
             },
             **config,

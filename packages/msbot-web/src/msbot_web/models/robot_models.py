@@ -241,6 +241,9 @@ class PartLine(Model):
     ignored: bool = False
     nature: str = ""
     """`real` or `simulated`, as the part itself says; empty when it does not."""
+    hardware: str = ""
+    software: str = ""
+    """Versions, as the part itself says; empty when it does not."""
     says: PartDeclaration | None = None
     """What it says of itself, while the library does not know its part number."""
     refusal: str = ""

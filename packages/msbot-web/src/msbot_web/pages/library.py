@@ -10,6 +10,7 @@ from nicegui import ui
 from msbot.config import PartType
 from msbot.hardware.wiring_picture import wiring_picture
 from msbot.operations.rights import Right
+from msbot.pnp import versions_in_words
 from msbot_web.html import Markup, render
 from msbot_web.pages.layout import page_frame
 from msbot_web.pages.page import Page
@@ -99,6 +100,13 @@ def _entry(page: Page, found: PartType, base: str) -> None:
     ]
     if found.origin:
         facts.append((say("origin"), say(found.origin)))
+    facts += [
+        (card.name, versions)
+        for card in page.service.views.slots()
+        if card.part is not None
+        and card.part.part_number == found.number
+        and (versions := page.translate(versions_in_words(card.part.hardware, card.part.software)))
+    ]
     address = f"{base.rstrip('/')}/library/{found.number}"
     ui.html(
         render("passport", say=say, type=found, facts=facts, picture=picture_of(found), code=qr_svg(address)),

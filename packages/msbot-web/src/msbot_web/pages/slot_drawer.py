@@ -308,6 +308,8 @@ def _state(page: Page, slot: str) -> None:
                 rows += [(page.translate("UID"), part.uid or "–")]
             if page.may(Right.ARRANGE) and not is_past:
                 rows += [(page.translate("address"), part.address), (page.translate("session"), part.client_key)]
+            versions = ((page.translate("hardware"), part.hardware), (page.translate("software"), part.software))
+            rows += [(name, version) for name, version in versions if version]
             rows += [] if is_past else [(page.translate("beats"), f"{part.beats}")]
             rows += [
                 (

@@ -90,6 +90,9 @@ class Part:
         """The part's key; if there is none, `run` uses the one kept for the part."""
         self.nature = Nature.UNKNOWN
         """What is behind its ports; the part tells its robot, and the page shows it."""
+        self.hardware = self.software = ""
+        """Versions of the hardware and of its program, as its maker counts them; the part tells its robot, and the page
+        shows them. Empty: not known."""
         self.describes = describes is not False
         """Whether it tells a robot that does not know its part number what it is."""
         self._called = describes if isinstance(describes, str) else self.local_name
@@ -488,7 +491,16 @@ class Part:
             self.uid = self._random.randbytes(UID_OCTETS)
         description = describe(self.part_number, self._called, self._program) if self.describes else ""
         identity = Identity(
-            self.part_number, self.local_name, self.robot, self.uid, lambda: self.key, self.nature, description, absent
+            self.part_number,
+            self.local_name,
+            self.robot,
+            self.uid,
+            lambda: self.key,
+            self.nature,
+            self.hardware,
+            self.software,
+            description,
+            absent,
         )
         await self._runner.run(link, identity, random=self._random, settings=settings, epoch_ns=epoch_ns)
 

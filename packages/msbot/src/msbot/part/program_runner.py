@@ -60,6 +60,9 @@ class Identity:
     """The key that proves its UID; called at each challenge, because a part may get its key while it runs."""
     nature: Nature = Nature.UNKNOWN
     """What is behind its ports."""
+    hardware: str = ""
+    software: str = ""
+    """Versions; empty: it says none."""
     description: str = ""
     """What it says of itself to a robot that does not know its part number; empty: nothing."""
     absent: str = ""
@@ -286,6 +289,8 @@ class ProgramRunner:
             on_reply=self._calls.replied,
             stop_in_beats=lambda: self.safety.beats,
             nature=identity.nature,
+            hardware=identity.hardware,
+            software=identity.software,
             description=identity.description,
             absent=identity.absent,
         )

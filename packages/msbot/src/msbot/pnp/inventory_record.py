@@ -6,13 +6,13 @@ from collections import deque
 from math import inf
 
 from msbot.part.join.hardware_trouble import TROUBLE_ENDS, TROUBLE_OCTETS, TROUBLE_PIECES
-from msbot.part.join.part_log import LEVEL_BITS, LEVEL_SHIFT, LineRate, LogLevel
+from msbot.part.join.part_log import LEVEL_BITS, LEVEL_SHIFT, LineRate, LogLevel, VersionOf
 from msbot.part.join.pnp_messages import Nature
 from msbot.part.join.refusal import Refusal
 from msbot.pnp.life_status import Life, check_transition
 from msbot.pnp.model import Claim, Configuration, LifeTiming, PartInfo, ProgramLogLine, SelfDescription, TypeDifference
 from msbot.pnp.part_events import Evidence, PartEvent, PartState
-from msbot_agent.text.sentence import Sentence, said
+from msbot_agent.text.sentence import Sentence, joined, said
 
 HISTORY = 32
 """Changes kept per part for `Inventory.why`; the journal keeps all."""
@@ -51,6 +51,7 @@ class InventoryRecord:
         "configuration",
         "contest",
         "duplicates",
+        "hardware",
         "heard_at",
         "history",
         "holds_slot",
@@ -71,6 +72,7 @@ class InventoryRecord:
         "says",
         "since",
         "slot",
+        "software",
         "spoke_unasked",
         "state",
         "trouble",
@@ -102,8 +104,9 @@ class InventoryRecord:
         self.refusal: Refusal | None = None
         self.nature = Nature.UNKNOWN
         """What is behind its ports, as the part itself says."""
-        self.trouble = ""
-        """What is wrong with its hardware, as the part said before it ended."""
+        self.hardware = self.software = self.trouble = ""
+        """Versions, as the part itself says, or said in its session before; and what is wrong with its hardware, as
+        it said before it ended."""
         self.trouble_pieces = b""
         self.log: deque[ProgramLogLine] = deque(maxlen=LOG_LINES)
         """What its program logged last."""
@@ -186,6 +189,7 @@ class InventoryRecord:
         self.refused_samples += old.refused_samples
         if self.slot is None:
             self.slot = old.slot
+        self.hardware, self.software = self.hardware or old.hardware, self.software or old.software
 
     def take_nature(self, number: int) -> None:
         """The part says what is behind its ports (`Nature`)."""
@@ -195,10 +199,20 @@ class InventoryRecord:
         """Another program may speak for the part now: what it said of itself does not count, and it may be asked."""
         self.asked_what, self.says = 0, None
 
-    def take_piece(self, place: int, piece: bytes) -> tuple[LogLevel, str] | None:
-        """The part says a piece of what is wrong with its hardware, or of a line of its log (`TroublePiece`).
+    def take_version(self, of: VersionOf, text: str) -> str:
+        """The part says a version; the one that it said before is returned."""
+        text, before = text.strip(), self.hardware if of is VersionOf.HARDWARE else self.software
+        if of is VersionOf.HARDWARE:
+            self.hardware = text
+        else:
+            self.software = text
+        return before
 
-        A line that is complete is returned.
+    def take_piece(self, place: int, piece: bytes) -> tuple[LogLevel | VersionOf, str] | None:
+        """The part says a piece of what is wrong with its hardware, of a line of its log, or of a version
+        (`TroublePiece`).
+
+        A line or version that is complete is returned.
         """
         number, level = place & ~(TROUBLE_ENDS | LEVEL_BITS), (place & LEVEL_BITS) >> LEVEL_SHIFT
         at = number * TROUBLE_OCTETS
@@ -214,6 +228,8 @@ class InventoryRecord:
         words = "".join(letter for letter in text if letter.isprintable())
         if level in (one.value for one in LogLevel):
             return LogLevel(level), words
+        if level in (one.value for one in VersionOf):
+            return VersionOf(level), words
         if not level:
             self.trouble = words
         return None
@@ -261,12 +277,16 @@ class InventoryRecord:
             duplicates=tuple(self.duplicates),
             refusal=None if self.is_registered else self.refusal,
             nature=self.nature,
+            hardware=self.hardware,
+            software=self.software,
             says=self.says if self.refusal is Refusal.UNKNOWN_PART and not self.is_registered else None,
         )
 
     def sentences(self, now: float) -> list[str]:
         """The part's state and the chain of changes that led to it, oldest first."""
         lines: list[str] = [said("{words}: {reason}", words=self._headline(now), reason=self.reason)]
+        if versions := versions_in_words(self.hardware, self.software):
+            lines.append(said("It says: {versions}.", versions=versions))
         if self.duplicates:
             addresses = ", ".join(self.duplicates)
             lines.append(said("The same UID was shown, and refused, at {addresses}.", addresses=addresses))
@@ -291,6 +311,16 @@ class InventoryRecord:
                 "{words} in slot {slot}, life {life}, last beat less than {beat_s:g} s ago", **known, beat_s=beat_s
             )
         return said("{words} in slot {slot}, life {life}, last beat {silence:.1f} s ago", **known, silence=silence)
+
+
+def versions_in_words(hardware: str, software: str) -> str:
+    """`hardware 1.2, software 3`; empty: neither is known."""
+    known = []
+    if hardware:
+        known.append(said("hardware {version}", version=hardware))
+    if software:
+        known.append(said("software {version}", version=software))
+    return joined(", ", known)
 
 
 def lasting(seconds: float) -> Sentence:

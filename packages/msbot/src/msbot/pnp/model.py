@@ -250,6 +250,9 @@ class PartInfo:
     """Why it has no lease, if it is refused or stands by."""
     nature: Nature = Nature.UNKNOWN
     """What is behind its ports, as the part itself says."""
+    hardware: str = ""
+    software: str = ""
+    """Versions, as the part itself says; empty: it does not."""
     says: SelfDescription | None = None
     """What it says of itself, while the library does not know its part number."""
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Final
 
-from msbot.part.join.part_log import LineRate, LogLevel
+from msbot.part.join.part_log import LineRate, LogLevel, VersionOf
 from msbot.pnp.inventory_record import InventoryRecord
 from msbot.pnp.model import ProgramLogLine
 from msbot.pnp.state_changes import StateChanges
@@ -40,6 +40,8 @@ class PartLog:
         if told is None:
             return False
         level, words = told
+        if isinstance(level, VersionOf):
+            return self._take_version(record, level, words, now)
         if record.log_rate is None:
             record.log_rate = LineRate(PER_S, BURST)
         if not record.log_rate.passes(now):
@@ -53,6 +55,25 @@ class PartLog:
             return False
         record.log_noted_at = now
         self._changes.note(record, now, said("its program says: {words}", words=words), ((EVIDENCE, level.word),))
+        return True
+
+    def _take_version(self, record: InventoryRecord, of: VersionOf, text: str, now: float) -> bool:
+        """The journal has it when it is another one than before: somebody has given the part new software."""
+        before = record.take_version(of, text)
+        after = record.hardware if of is VersionOf.HARDWARE else record.software
+        if not before or before == after:
+            return False
+        if record.log_rate is None:
+            record.log_rate = LineRate(PER_S, BURST)
+        if not record.log_rate.passes(now):
+            self._dropped.count("version of a part that changes too fast")
+            return False
+        after = after or said("not known")
+        if of is VersionOf.HARDWARE:
+            words = said("its hardware is {after}; it was {before}", after=after, before=before)
+        else:
+            words = said("its software is {after}; it was {before}", after=after, before=before)
+        self._changes.note(record, now, words)
         return True
 
 

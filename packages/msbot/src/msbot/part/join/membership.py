@@ -31,7 +31,7 @@ from msbot.part.join.joining import (
     SendProof,
 )
 from msbot.part.join.part_keys import KEY_VARIABLE
-from msbot.part.join.part_log import LogLevel, LogSender
+from msbot.part.join.part_log import LogLevel, LogSender, VersionOf
 from msbot.part.join.part_seals import PartSeals
 from msbot.part.join.refusal import Refusal
 from msbot_xrce.errors import LinkFull, LocalProtocolError, RemoteProtocolError
@@ -87,6 +87,8 @@ class Membership:
         on_reply: Callable[[int, int, bytes], None] = lambda *_: None,
         stop_in_beats: Callable[[], tuple[int, ...]] = lambda: (),
         nature: pnp_messages.Nature = pnp_messages.Nature.UNKNOWN,
+        hardware: str = "",
+        software: str = "",
         description: str = "",
         absent: str = "",
     ) -> None:
@@ -108,6 +110,8 @@ class Membership:
             on_reply: called with the replies to requests of others than itself, as `Client.on_reply`.
             stop_in_beats: what its beats say of STOP, one after the other, as `StoppedBeat`; none: nothing.
             nature: what is behind the part's ports.
+            hardware: version of the part's hardware; empty: it says none.
+            software: version of its software.
             description: what the part says of itself to a robot that asks; empty: nothing.
             absent: why the part's hardware is not there. Then it asks for its place only to say so: it asks for no
                 configuration, and never becomes active.
@@ -136,6 +140,7 @@ class Membership:
         self._on_reply = on_reply
         self._stop_in_beats = stop_in_beats
         self._nature = nature
+        self._versions = {VersionOf.SOFTWARE: software, VersionOf.HARDWARE: hardware}
         self._description = description
         self._absent = absent
         self._unsaid: deque[bytes] = deque()
@@ -274,6 +279,8 @@ class Membership:
                     self._changed(action)
                     if action.after is JoinState.ACTIVE and self._nature is not pnp_messages.Nature.UNKNOWN:
                         self._say_nature()
+                    if action.after is JoinState.ACTIVE and any(self._versions.values()):
+                        self._say_versions()
                 case SendClaim():
                     self._send(self._claim, STREAM_RELIABLE)
                 case AskThesisMaster():
@@ -308,6 +315,11 @@ class Membership:
     def _say_nature(self) -> None:
         message = pnp_messages.NatureMessage(lease=self.joining.lease, nature=self._nature)
         self._send(message.encode(), STREAM_RELIABLE)
+
+    def _say_versions(self) -> None:
+        for of, text in self._versions.items():
+            self.log.add_version(of, text)
+        self._say_on()
 
     def _describe(self) -> None:
         """The robot asks what the part is; it has not been let in, and may be asked again."""

@@ -1,6 +1,7 @@
 """What a part's program logs, on its way to the robot: a line in pieces, as what is wrong with its hardware is sent.
 
-The pieces are those of `hardware_trouble`; bits 4 to 6 of their place say how serious the line is. Pure.
+The pieces are those of `hardware_trouble`; bits 4 to 6 of their place say how serious the line is, or that it is a
+version. Pure.
 """
 
 from __future__ import annotations
@@ -35,6 +36,13 @@ class LogLevel(IntEnum):
     def word(self) -> str:
         """As programs write it: `info`, `warning`, `error`."""
         return self.name.lower()
+
+
+class VersionOf(IntEnum):
+    """What a version is of that a part tells its robot, in the place of a level."""
+
+    HARDWARE = 4
+    SOFTWARE = 5
 
 
 def log_level(word: str) -> LogLevel:
@@ -85,7 +93,7 @@ class LogSender:
         """Lines that were not sent: they came too fast, or there was no room."""
         self._untold = 0
         self._rate = LineRate(PER_S, BURST)
-        self._waiting: deque[tuple[LogLevel, str]] = deque()
+        self._waiting: deque[tuple[LogLevel | VersionOf, str]] = deque()
         self._pieces: deque[TroublePiece] = deque()
 
     def add(self, level: LogLevel, line: str, now: float) -> None:
@@ -99,6 +107,10 @@ class LogSender:
             self._waiting.append((LogLevel.WARNING, f"{lines} left out: {PER_S:g} a second are sent"))
             self._untold = 0
         self._waiting.append((level, line))
+
+    def add_version(self, of: VersionOf, text: str) -> None:
+        """Take a version, which goes first: the part has just become active."""
+        self._waiting.appendleft((of, printable(text)))
 
     def pieces(self, lease: int) -> Iterator[bytes]:
         """What is to be sent, piece by piece; `sent` takes the piece off."""
