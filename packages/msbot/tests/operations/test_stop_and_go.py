@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import asyncio
+from functools import partial
 from pathlib import Path
 
+import pytest
+
+from msbot.part import NotSafeYet
 from msbot_xrce.errors import RegistryError
 from tests.operations.stage import Stage, play
 
@@ -39,6 +43,34 @@ def test_a_part_that_does_not_answer_is_counted_as_such(tmp_path: Path) -> None:
         assert len(stage.operations.stopping.status.confirmed) == 2
 
     play(tmp_path, scene, parts=RING)
+
+
+@pytest.mark.promise("Only a part itself confirms STOP")
+@pytest.mark.parametrize("deed", ["release", "swap", "block", "stand-in"])
+def test_a_part_that_has_not_confirmed_is_named_until_go_also_when_its_slot_is_taken_away(
+    deed: str, tmp_path: Path
+) -> None:
+    async def scene(stage: Stage) -> None:
+        @stage.parts["BB"].safe_state
+        def brake() -> None:
+            raise NotSafeYet("it moves")
+
+        await stage.do.stop(who="ann")
+        await asyncio.sleep(0.2)
+        assert stage.operations.stopping.status.silent == ("BB",)
+        deeds = {
+            "release": partial(stage.do.release, "BB"),
+            "swap": partial(stage.do.swap, "BB", "DD"),
+            "block": partial(stage.do.block, "BB", "it does not stop"),
+            "stand-in": partial(stage.do.simulate, "BB", False),
+        }
+        await deeds[deed](who="ann")
+        await asyncio.sleep(3.0)
+        assert stage.operations.stopping.status.silent == ("BB",)
+        await stage.do.go(who="ann")
+        assert not stage.operations.stopping.status.silent
+
+    play(tmp_path, scene, parts=(*RING, "DD=EFGH"))
 
 
 def test_stop_holds_for_parts_that_come_later_until_it_is_ended(tmp_path: Path) -> None:

@@ -112,6 +112,17 @@ def test_a_part_that_says_goodbye_is_not_waited_for() -> None:
     assert stop.status().silent == ("AA",)
 
 
+def test_a_part_whose_slot_somebody_takes_away_may_still_move_unless_it_has_confirmed() -> None:
+    stop = said(AA, BB)
+    stop.confirm(b"AA", 1, 10.1)
+    stop.lose_slot(b"AA")
+    stop.lose_slot(b"BB")
+    assert (stop.status().confirmed, stop.status().silent) == ((), ("BB",))
+    stop.begin_anew(b"BB", "BB", 12.0)  # it has a slot again
+    stop.confirm(b"BB", 1, 12.1)
+    assert not stop.status().silent
+
+
 def test_stop_said_twice_is_one_stop_by_the_first_who_said_it() -> None:
     stop = said(AA)
     stop.confirm(b"AA", 1, 10.1)

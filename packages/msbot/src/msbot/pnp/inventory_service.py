@@ -277,8 +277,13 @@ class InventoryService:
         if event.to_state is PartState.ACTIVE:
             if event.from_state is not PartState.LATE:
                 self.stop.begin_anew(identity, event.part, asyncio.get_running_loop().time())
-        elif event.to_state in (PartState.LEFT, PartState.STANDBY, PartState.REFUSED):
+        elif event.to_state is PartState.LEFT:
             self.stop.part_left(identity)
+        elif event.to_state in (PartState.STANDBY, PartState.REFUSED):
+            if event.client_key == self._asking:
+                self.stop.part_left(identity)  # it has begun anew, and drives nothing
+            else:
+                self.stop.lose_slot(identity)
 
     def _remember(self, client_key: int, asker: bytes, answer: pnp_messages.Reply | None) -> None:
         if self._askers.get(client_key) != asker:
