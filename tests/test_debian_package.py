@@ -216,6 +216,7 @@ def test_install_upgrade_remove_purge(root: Path, packages: list[Path], commit: 
     inside(root, "dpkg", "--force-unsafe-io", "--install", "/0.deb")
     said = inside(root, "msbot", "--version").strip()
     assert said == f"msbot {version.read()} ({f'build {commit[:12]}' if commit else 'from a working tree'})"
+    assert "/usr/bin/env --block-signal=INT /usr/lib/msbot/bin/python3 " in (root / "usr/bin/msbot").read_text()
     bill = json.loads((root / f"usr/share/doc/msbot/msbot-{version.read()}.cdx.json").read_text())
     assert {"msbot-agent", "nicegui"} <= {one["name"] for one in bill["components"]}
     assert inside(root, "id", "-un", "msbot") == "msbot\n"

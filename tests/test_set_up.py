@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from tools.set_up import begin_quickly, install_requirements, point_without_letters
+from tools.set_up import begin_quickly, can_block, install_requirements, point_without_letters
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="make sets up Unix only; its folders are laid out otherwise there")
@@ -69,8 +69,48 @@ def test_ctrl_c_while_the_command_begins_shows_no_traceback(tmp_path: Path, kind
 
     assert run("import sys\ndef main(): print(*sys.argv[1:], 're' in sys.modules)").stdout == "7 False\n"
     broken = run("raise KeyboardInterrupt")
-    assert (broken.returncode, broken.stderr) == (-signal.SIGINT, "")
+    # Python ends itself by the signal; as long as that is blocked, with the status that shells make of it.
+    ended = 128 + signal.SIGINT if can_block() else -signal.SIGINT
+    assert (broken.returncode, broken.stderr) == (ended, "")
     assert "ZeroDivisionError" in run("1 / 0").stderr, "a mistake is still told"
+
+
+@pytest.mark.parametrize("env", ["exit 1", "no such program"])
+def test_where_env_cannot_block_a_signal_python_starts_as_before(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, env: str
+) -> None:
+    """BusyBox and macOS say that they do not know the option."""
+    program = tmp_path / "env"
+    if env == "exit 1":
+        program.write_text("#!/bin/sh\nexit 1\n")
+        program.chmod(0o755)
+    monkeypatch.setattr("tools.set_up.BLOCKED", (str(program), "--block-signal=INT"))
+    script = tmp_path / "msbot"
+    script.write_text("#!/place/of/python\nimport sys\n")
+    begin_quickly(script)
+    assert script.read_text().startswith("#!/place/of/python\nimport sys\n")
+
+
+@pytest.mark.skipif(not can_block(), reason="env of this computer starts no program with SIGINT blocked")
+@pytest.mark.parametrize("name", ["Kathe's", "Meyer, Anna"])
+def test_the_command_starts_in_a_folder_of_any_name(tmp_path: Path, name: str) -> None:
+    home = tmp_path / name
+    home.mkdir()
+    (home / "python").symlink_to(sys.executable)
+    script = home / "msbot"
+    script.write_text(f"#!/bin/sh\n'''exec' \"{home / 'python'}\" \"$0\" \"$@\"\n' '''\nimport sys\n")
+    script.chmod(0o755)
+    begin_quickly(script)
+    (tmp_path / "msbot_command.py").write_text("import sys\ndef main(): print(*sys.argv[1:])")
+    done = subprocess.run(
+        [script, "a b", "c"],
+        env={**os.environ, "PYTHONPATH": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.stdout, done.stderr) == ("a b c\n", "")
+    assert "--block-signal=INT" in script.read_text()
 
 
 def test_there_may_be_no_script(tmp_path: Path) -> None:

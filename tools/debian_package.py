@@ -31,6 +31,7 @@ from msbot.cli.service import CONFINED
 from tools.release import sbom
 from tools.release.building import ReleaseError, export, git
 from tools.release.building import build as build_distributions
+from tools.set_up import begin_quickly
 from tools.sources import ROOT
 from tools.version import read
 
@@ -159,6 +160,7 @@ def _environment(root: Path, wheels: list[Path], platform_of_wheels: str) -> Non
         if path.is_file() and not path.is_symlink():
             content = path.read_bytes()
             path.write_bytes(content.replace(os.fsencode(home), b"/" + os.fsencode(HOME)))
+    begin_quickly(home / "bin/msbot")
     for script in home.glob("bin/*ctivate*"):  # nobody works in this environment
         script.unlink()
     for record in site.glob("*.dist-info/RECORD"):

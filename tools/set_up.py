@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import os
 import re
+import shlex
 import subprocess
 import sys
 import tempfile
@@ -39,6 +40,8 @@ if __name__ == "__main__":
     sys.exit(main())
 """
 """Of the command `msbot`, behind the lines that say which Python runs it."""
+BLOCKED = ("/usr/bin/env", "--block-signal=INT")
+"""Starts a program in which SIGINT waits until the program lets it through (GNU coreutils 8.31)."""
 COMPILING = "compiling MsBOT, so that its first start is as quick as the next one"
 WRONG_HASH = "DO NOT MATCH THE HASHES"
 """How pip begins when a file is not the one that it should be."""
@@ -124,13 +127,39 @@ def begin_quickly(script: Path) -> None:
     """Let the command begin with what keeps Ctrl-C from showing a traceback.
 
     The script of pip before 25 first imports `re` with a dozen modules, in which the hooks of `msbot_command` are not
-    there yet. What stands before its imports says which Python runs it, and stays.
+    there yet. While Python itself begins, no hook is: it starts with SIGINT blocked where this computer can do that.
     """
     if not script.is_file():  # Windows has programs in their place
         return
     text = script.read_text(encoding="utf-8")
     if imports := re.search(r"^import (?:re|sys)$", text, re.MULTILINE):
-        script.write_text(text[: imports.start()] + SCRIPT, encoding="utf-8")
+        head = text[: imports.start()]
+        script.write_text((_blocking(head) if can_block() else head) + SCRIPT, encoding="utf-8")
+
+
+def can_block() -> bool:
+    """Whether this computer can start a program with SIGINT blocked: BusyBox and macOS cannot."""
+    try:
+        return not subprocess.run([*BLOCKED, "true"], capture_output=True, check=False).returncode
+    except OSError:
+        return False
+
+
+def _blocking(head: str) -> str:
+    """The lines that say which Python runs a script, so that it starts with SIGINT blocked.
+
+    There are two kinds: `#!PYTHON`, and three lines that are a program of the shell and a text of Python.
+    """
+    begin = f"'''exec' {' '.join(BLOCKED)} "
+    if BLOCKED[1] in head:
+        return head
+    if head.startswith("#!/bin/sh\n'''exec' "):
+        return head.replace("'''exec' ", begin, 1)
+    first, _, rest = head.partition("\n")
+    python = first.removeprefix("#!").strip()
+    if not first.startswith("#!/") or " " in python or "\\" in python:  # Python would read a backslash as its own
+        return head
+    return f"#!/bin/sh\n{begin}{shlex.quote(python)} \"$0\" \"$@\"\n' '''\n{rest}"
 
 
 def end_line() -> None:

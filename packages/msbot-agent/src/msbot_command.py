@@ -4,7 +4,8 @@ Python prints an interrupt in two places besides `except`: where nothing catches
 callback of a weak reference (each import has some). There it would be lost, too, so that it is raised again.
 
 It stands outside of the packages and imports only what Python has loaded already: the import of a package takes longer
-than a finger.
+than a finger. Python itself begins before that, and prints one there, too: the scripts of `tools/set_up.py` and of
+Debian's package start it with SIGINT blocked, and here it is let through.
 """
 
 from __future__ import annotations
@@ -19,17 +20,45 @@ if TYPE_CHECKING:
 
 INTERRUPTED = 130
 """The exit status, `ExitStatus.INTERRUPTED`."""
+MOST_CAUSES = 10
+"""So many errors that were made of each other are looked at."""
 
 
 def main() -> None:
     """Entry point of the command."""
     without_traceback()
     try:
+        heed_interrupts()
         from msbot_agent.cli import main as run
 
         run()
     except KeyboardInterrupt:
         end()
+    except Exception as error:
+        if not is_interrupt(error):
+            raise
+        end()
+
+
+def is_interrupt(error: BaseException | None) -> bool:
+    """Whether an error is, or was caused by, Ctrl-C: while it makes a class, Python 3.11 makes another error of it."""
+    for _ in range(MOST_CAUSES):
+        if error is None or isinstance(error, KeyboardInterrupt):
+            break
+        error = error.__cause__
+    return isinstance(error, KeyboardInterrupt)
+
+
+def heed_interrupts() -> None:
+    """Let SIGINT through, also one that has come already; so every program that is started from here gets it, too.
+
+    Raises:
+        KeyboardInterrupt: one has come.
+    """
+    import signal
+
+    if sys.platform != "win32":
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
 
 
 def end() -> NoReturn:

@@ -23,7 +23,7 @@ from msbot_agent.startup.bytecode_cache import without_garbage_collection
 from msbot_agent.startup.extensions import extensions
 from msbot_agent.text.sentence import printable, whole
 from msbot_agent.text.similar_names import did_you_mean, nearest
-from msbot_command import end
+from msbot_command import end, is_interrupt
 from msbot_xrce.errors import MsbotError
 
 NO_ROOM = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
@@ -108,7 +108,7 @@ def run() -> None:
     except click.ClickException as error:
         words = error.format_message()
     except click.Abort as error:
-        if isinstance(error.__cause__, KeyboardInterrupt):
+        if is_interrupt(error):
             end()
         complain("broken off before it was done")
         sys.exit(ExitStatus.NO)
@@ -130,7 +130,7 @@ def run() -> None:
         words = f"{printable_name(wrong)} is not UTF-8, as names and texts must be"
     except Exception as error:
         brought = extensions().names("commands", COMMANDS).get(sys.argv[1] if len(sys.argv) > 1 else "")
-        if brought is None or brought.is_own:
+        if brought is None or brought.is_own or is_interrupt(error):
             raise
         words = f"the command {brought.name} of {brought.package} failed: {type(error).__name__}: {error}"
     else:
