@@ -50,6 +50,9 @@ SHOWN = {
         f"{GENUINE}.test_services::test_a_board_asks_for_an_action_of_a_node",
     ],
     "bags": [f"{GENUINE}.test_bag"],
+    "standard types": [f"{GENUINE}.test_standard_types"],
+    "types of ros-package": [f"{GENUINE}.test_package_types"],
+    "services of parts": [f"{GENUINE}.test_part_services"],
 }
 """The tests that show it: all of a file, or all with this name."""
 STAND_IN = {

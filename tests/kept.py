@@ -6,13 +6,19 @@ long as none of these has changed, it is not asked for again. What fails is not 
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import os
 import shutil
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import cache
 from pathlib import Path
+
+try:
+    import fcntl
+except ImportError:  # Windows
+    fcntl = None  # type: ignore[assignment]  # there two workers make the same, and one of them is first
 
 FOLDER = Path(__file__).parents[1] / "build" / "kept"
 LATEST = 2
@@ -32,17 +38,32 @@ def kept(name: str, make: Callable[[Path], None], *, tools: Sequence[str], told:
     place = FOLDER / name / key
     if not place.exists():
         place.parent.mkdir(parents=True, exist_ok=True)
-        staging = Path(tempfile.mkdtemp(dir=place.parent, prefix="."))
-        try:
-            make(staging)
-            os.rename(staging, place)  # whole or not at all
-        except OSError:
-            if not place.exists():  # else another worker was first
-                raise
-        finally:
-            shutil.rmtree(staging, ignore_errors=True)
-        _forget(place.parent)
+        with _alone(place.parent):
+            if not place.exists():
+                _fill(place, make)
     return place
+
+
+def _fill(place: Path, make: Callable[[Path], None]) -> None:
+    staging = Path(tempfile.mkdtemp(dir=place.parent, prefix="."))
+    try:
+        make(staging)
+        os.rename(staging, place)  # whole or not at all
+    except OSError:
+        if not place.exists():  # else another worker was first
+            raise
+    finally:
+        shutil.rmtree(staging, ignore_errors=True)
+    _forget(place.parent)
+
+
+@contextlib.contextmanager
+def _alone(folder: Path) -> Iterator[None]:
+    """One worker makes it, and the others wait: two that install the same at once take longer than one."""
+    with open(folder / ".lock", "w") as lock:
+        if fcntl is not None:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+        yield
 
 
 def said_once(name: str, ask: Callable[[], str], *, tools: Sequence[str], told: Sequence[object], of: Path) -> str:

@@ -11,7 +11,7 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-from msbot.ros2.forms import ROS_TYPES
+from msbot.ros2.known_types import ROS_TYPES
 
 TARGET = Path(__file__).parent.parent / "packages/msbot-agent/src/msbot_agent/space/dds/ros_type_hashes.py"
 BESIDE = ("rmw_dds_common::msg::dds_::ParticipantEntitiesInfo_",)
@@ -22,12 +22,12 @@ BEGIN, END = "ROS_TYPE_HASHES = {\n", "\n}\n"
 def found(share: Path) -> Iterator[tuple[str, str]]:
     """Types as DDS names them, with their hashes."""
     for path in sorted(share.glob("*/*/*.json")):
+        package, kind, stem = (*path.parts[-3:-1], path.stem)
+        wanted = [f"{stem}_Request", f"{stem}_Response"] if kind == "srv" else [stem]
         for one in json.loads(path.read_text()).get("type_hashes", ()):
-            package, kind, name = one["type_name"].split("/")
-            if path.parts[-3:] == (package, kind, f"{name}.json"):
-                hexadecimal = one["hash_string"].removeprefix("RIHS01_")
-                for end in ("_Request_", "_Response_") if kind == "srv" else ("_",):
-                    yield f"{package}::{kind}::dds_::{name}{end}", hexadecimal
+            for name in wanted:
+                if one["type_name"] == f"{package}/{kind}/{name}":
+                    yield f"{package}::{kind}::dds_::{name}_", one["hash_string"].removeprefix("RIHS01_")
 
 
 def text(share: Path, now: str) -> str:

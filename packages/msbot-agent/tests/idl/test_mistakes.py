@@ -9,12 +9,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from msbot_agent.idl import read_definitions
+from msbot_agent.idl.installed_interfaces import installed_interfaces
 from msbot_agent.idl.model import Definitions
 from msbot_agent.idl.omg_reader import read_idl
 from msbot_xrce.errors import ConfigError
 
 MISTAKES = {
-    "struct A { lung x; };": "a.idl:1:12: there is no type lung; it must be defined (or included) before it is used",
+    "struct A { lung x; };": "a.idl:1:12: there is no type lung; did you mean long? It must be defined (or included)",
+    "module m { struct Pose { long x; }; struct A { Posse y; }; };": "a.idl:1:48: there is no type Posse; did you mean "
+    "m::Pose? It must be defined (or included) before it is used",
     "struct A { long x }": "a.idl:1:19: ; is missing before }",
     "struct A {\n  long x;\n": "a.idl:3:1: } is missing: struct A is never closed",
     "struct A {};": "a.idl:1:8: struct A has no members: DDS needs at least one",
@@ -46,7 +49,10 @@ def test_a_mistake_is_told_with_its_place_and_what_would_be_right(text: str, wor
 
 
 ROS_MISTAKES = {
-    "int33 x": "it.msg:1:1: the type my/int33 is nowhere: give the folder that holds the package my with --include",
+    "int33 x": "it.msg:1:1: the type my/int33 is nowhere; did you mean int32 or uint32 or int8? Else give",
+    "Arm x": "it.msg:1:1: the type my/Arm is nowhere: give the folder that holds the package my with --include",
+    "std_mgs/Header x": "it.msg:1:1: the type std_mgs/Header is nowhere; did you mean std_msgs/Header? Else give the",
+    "std_msgs/Heder x": "it.msg:1:1: the type std_msgs/Heder is nowhere; did you mean std_msgs/Header? Else give the",
     "int32 x\nint32 x": "it.msg:2:1: there is a x already",
     "int32": "it.msg:1:1: a line is TYPE NAME, TYPE NAME DEFAULT, or TYPE NAME=VALUE",
     "wstring x": "it.msg:1:1: wstring is not supported; use string",
@@ -69,6 +75,33 @@ def test_a_mistake_in_a_ros_file_is_told_with_its_place(text: str, words: str, t
     with pytest.raises(ConfigError) as caught:
         read_definitions(path, package="my")
     assert str(caught.value).removeprefix(f"{tmp_path}/").startswith(words)
+
+
+def test_a_typo_in_an_included_file_is_told(tmp_path: Path) -> None:
+    path = tmp_path / "arm_msgs/msg/Arm.idl"
+    path.parent.mkdir(parents=True)
+    path.write_text('#include "std_mgs/msg/Header.idl"\n')
+    with pytest.raises(ConfigError, match=r"\); did you mean std_msgs/Header\? Else give the folder"):
+        read_definitions(path)
+
+
+def test_packages_of_ros_on_this_computer_are_known(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """By the setup file of a workspace: their types are read, and a typo in one is told."""
+    share = tmp_path / "ws/share"
+    listed = share / "ament_index/resource_index/rosidl_interfaces/house_msgs"
+    listed.parent.mkdir(parents=True)
+    listed.write_text("msg/Door.idl\nmsg/Door.msg\nsrv/Open.srv\n")
+    (share / "house_msgs/msg").mkdir(parents=True)
+    (share / "house_msgs/msg/Door.msg").write_text("bool is_open\n")
+    monkeypatch.setenv("AMENT_PREFIX_PATH", f"/there/is/none:{tmp_path / 'ws'}")
+    assert installed_interfaces()["house_msgs"] == {"msg/Door", "srv/Open"}
+    path = tmp_path / "It.msg"
+    path.write_text("house_msgs/Door front\n")
+    assert ("house_msgs", "msg", "Door") in read_definitions(path, package="my").structs
+    for wrong in ("house_msgs/Doors", "hous_msgs/Door"):
+        path.write_text(f"{wrong} front\n")
+        with pytest.raises(ConfigError, match=r"is nowhere; did you mean house_msgs/Door\? Else"):
+            read_definitions(path, package="my")
 
 
 def test_a_ros_file_needs_its_package(tmp_path: Path) -> None:

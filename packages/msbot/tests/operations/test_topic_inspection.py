@@ -105,6 +105,9 @@ def test_only_the_robots_topics_can_be_seen(tmp_path: Path) -> None:
         assert "carries HelloWorld, not Level" in await stage.refusal(samples(stage, type="Level"))
         done = await stage.operations.do("topic_samples", who="ann", topic="/chat", type="HelloWorld")
         assert done.answer["type"] == "HelloWorld"
+        for wrong, words in (("HeloWorld", "HeloWorld; did you mean HelloWorld?"), ("Xyz", "nobody can say what it")):
+            asked = stage.operations.do("publish_topic", who="ann", topic="chat", type=wrong, values=["1"])
+            assert words in await stage.refusal(asked)
 
     play(tmp_path, scene, FREE, parts=RING)
 

@@ -15,7 +15,8 @@ from msbot import HelloWorld, Message, ros2
 from msbot.part.messages import standard
 from msbot.part.messages.standard import STANDARD_MESSAGES
 from msbot.part.messages.wire_types import float32, uint8
-from msbot.ros2.forms import ROS_TYPES, USUAL, RosForm, form_of, ros_class, topic_name
+from msbot.ros2.forms import USUAL, RosForm, form_of, ros_class, topic_name
+from msbot.ros2.known_types import ROS_TYPES
 from msbot_xrce.errors import ConfigError, RemoteProtocolError
 from tests.damage import damaged, read_or_refused
 
@@ -102,7 +103,7 @@ class Own(Message):
             lambda: form_of(Own, "Float32"),
             "'Float32' is not a message type of ROS 2: write it like std_msgs/msg/Float32",
         ),
-        (lambda: form_of(Own, "std_msgs/Thing"), "'std_msgs/Thing' is not among the known message types of ROS 2"),
+        (lambda: form_of(Own, "std_msgs/Thing"), "'std_msgs/Thing' is not among the message types of ROS 2 that MsBOT"),
         (
             lambda: form_of(Own, "my_msgs/Thing", {"a": "data"}),
             "my_msgs/Thing is not among the message types that MsBOT knows: its fields must be those of Own; remove",

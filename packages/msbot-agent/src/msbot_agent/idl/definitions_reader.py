@@ -8,9 +8,11 @@ from importlib.resources import files
 from itertools import islice
 from pathlib import Path
 
-from msbot_agent.idl.model import Definitions, Name, SourceLocation
+from msbot_agent.idl.installed_interfaces import installed_interfaces, share_folders
+from msbot_agent.idl.model import BASICS, Definitions, Name, SourceLocation
 from msbot_agent.idl.omg_reader import LARGEST_FILE, read_idl
 from msbot_agent.idl.ros_reader import read_ros
+from msbot_agent.text.similar_names import did_you_mean, nearest
 from msbot_agent.text.untrusted_input import read_input_file
 from msbot_xrce.errors import ConfigError
 
@@ -38,7 +40,8 @@ def read_definitions(
         path: an `.idl`, `.msg` or `.srv` file.
         package: the ROS package of a `.msg` or `.srv` file; if absent, that of the `package.xml` in the folder above
             `msg` or `srv`, or the name of that folder.
-        include: folders that hold ROS packages, in addition to the one that the file is in.
+        include: folders that hold ROS packages, in addition to the one that the file is in, and to those that ROS 2 on
+            this computer has.
         defined: what the conditions of an `.idl` file take as defined.
         is_ros: give the structs of an `.idl` file type names in the style of ROS 2; those of other files always have
             them.
@@ -57,9 +60,10 @@ def read_definitions(
             str(path),
             found,
             is_ros=is_ros,
-            include=[*include, *around],
+            include=[*include, *around, *share_folders()],
             defined=defined,
             other=lambda name, place: _take_common(name, place, found),
+            hint=lambda name: _meant(name, [*include, *around]),
         )
         return found
     if defined:
@@ -84,7 +88,7 @@ class _RosFiles:
         folder = path.resolve().parent
         in_package = folder.name in ("msg", "srv")
         self._package = package or (package_of(folder.parent) if in_package else "")
-        self._folders = [*include, *([folder.parent.parent] if in_package else [])]
+        self._folders = [*include, *([folder.parent.parent] if in_package else []), *share_folders()]
         self._beside = folder
         self._found = Definitions()
         self._open: list[Name] = []
@@ -124,10 +128,46 @@ class _RosFiles:
         if name[0] == self._package and beside.is_file():
             self._read(beside, name)
         elif not _take_common(name, place, self._found):
+            own = name[0] == self._package
+            meant = _meant(name, self._folders, self._beside if own else None)
             raise place.error(
-                f"the type {'/'.join((name[0], name[-1]))} is nowhere: give the folder that holds the package "
-                f"{name[0]} with --include"
+                f"the type {'/'.join((name[0], name[-1]))} is nowhere{f'; {meant} Else' if meant else ':'} give the "
+                f"folder that holds the package {name[0]} with --include"
             )
+
+
+def _meant(name: Name, folders: Sequence[Path], beside: Path | None = None) -> str:
+    """The question whether another type is meant: one of the package, or one of its name in a similar package; empty:
+    none is like it.
+
+    Args:
+        name: what there is not.
+        folders: where packages are looked for.
+        beside: where the types of its package are; None: it is not the package of the file that is read.
+    """
+    package, last = name[0], name[-1]
+    types = {one: f"{package}/{one}" for one in _types_of(package, folders)}
+    if beside is not None:
+        types |= {path.stem: f"{package}/{path.stem}" for path in islice(beside.glob("*.msg"), MOST_FILES)}
+        types |= {one: one for one in (*BASICS, "string")}
+    if near := nearest(last, sorted(types)):
+        return did_you_mean([types[one] for one in near])
+    packages = {one[0] for one in common_ros_definitions().structs} | set(installed_interfaces())
+    for folder in folders:
+        packages |= {path.parent.name for path in islice(folder.glob("*/msg"), MOST_FILES)}
+    near = nearest(package, sorted(packages - {package}))
+    having = [one for one in near if last in _types_of(one, folders)]
+    return did_you_mean([f"{one}/{last}" for one in having]) if having else ""
+
+
+def _types_of(package: str, folders: Sequence[Path]) -> set[str]:
+    """The messages of a package that are known here."""
+    found = {one[-1] for one in common_ros_definitions().structs if one[:2] == (package, "msg")}
+    found |= {one.removeprefix("msg/") for one in installed_interfaces().get(package, ()) if one.startswith("msg/")}
+    for folder in folders:
+        place = package_folder(folder, package) / "msg"
+        found |= {path.stem for ending in ("msg", "idl") for path in islice(place.glob(f"*.{ending}"), MOST_FILES)}
+    return found
 
 
 def _take_common(name: Name, place: SourceLocation, found: Definitions) -> bool:

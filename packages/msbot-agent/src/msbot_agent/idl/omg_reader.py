@@ -25,6 +25,7 @@ from msbot_agent.idl.model import (
     Type,
     Value,
 )
+from msbot_agent.text.similar_names import did_you_mean, nearest
 from msbot_agent.text.untrusted_input import read_input_file
 from msbot_xrce.errors import ConfigError
 from msbot_xrce.lazy import dataclass
@@ -63,6 +64,7 @@ def read_idl(
     include: Iterable[Path] = (),
     defined: Iterable[str] = (),
     other: Callable[[Name, SourceLocation], bool] = no_other,
+    hint: Callable[[Name], str] = lambda _: "",
 ) -> None:
     """Read one IDL file and those that it includes.
 
@@ -74,11 +76,12 @@ def read_idl(
         include: where else included files are looked for.
         defined: what conditions take as defined.
         other: adds what a file that is nowhere would define, `(package, "msg", name)`; returns whether it could.
+        hint: what may be meant by a file that is nowhere, as a question.
 
     Raises:
         ConfigError: a mistake, with line, column, and what would be right.
     """
-    shared = _Shared(into, is_ros, tuple(include), dict.fromkeys(defined, ""), other)
+    shared = _Shared(into, is_ros, tuple(include), dict.fromkeys(defined, ""), other, hint)
     _Reader(text, file, shared).read()
 
 
@@ -91,6 +94,7 @@ class _Shared:
     include: tuple[Path, ...]
     defined: dict[str, str]
     other: Callable[[Name, SourceLocation], bool]
+    hint: Callable[[Name], str]
     typedefs: dict[Name, Type] = field(default_factory=dict)
     seen: set[Path] = field(default_factory=set)
 
@@ -157,8 +161,10 @@ class _Reader:
             text = read_input_file(path, LARGEST_FILE, "a file with message definitions").decode("utf-8")
         except FileNotFoundError:
             where = ", ".join(str(one.parent) for one in dict.fromkeys(places))
+            meant = self._shared.hint(wanted) if len(wanted) == 3 else ""  # PACKAGE/msg/NAME
             raise word.place.error(
-                f"{name} is not there (looked into {where}): give the folder that it is in with --include"
+                f"{name} is not there (looked into {where}){f'; {meant} Else' if meant else ':'} give the folder that "
+                "it is in with --include"
             ) from None
         except (OSError, UnicodeDecodeError, ConfigError) as error:
             raise word.place.error(f"{path} cannot be read: {error}") from None
@@ -347,7 +353,13 @@ class _Reader:
             if full in self._into.structs or full in self._into.enums:
                 return Reference(full)
         shown = "::".join(name)
-        raise place.error(f"there is no type {shown}; it must be defined (or included) before it is used")
+        basic = [*(words[0] for words in _WORDS_OF_TYPES if len(words) == 1), "string"] if len(name) == 1 else []
+        known = ["::".join(one) for one in (*self._into.structs, *self._into.enums, *self._typedefs)]
+        ends = {one: one.rpartition("::")[2] for one in known}
+        alike = nearest(name[-1], [*basic, *ends.values()])
+        near = [one for one in (*basic, *known) if ends.get(one, one) in alike[:1]]
+        meant = f"{did_you_mean(near)} It" if near else "it"
+        raise place.error(f"there is no type {shown}; {meant} must be defined (or included) before it is used")
 
     def _constant_named(self, name: Name) -> int | None:
         for full in self._candidates(name):

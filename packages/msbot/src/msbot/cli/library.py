@@ -137,10 +137,14 @@ def ros_package(folder: Path, package: str | None, folders: tuple[Path, ...]) ->
     """Write the message types and services of the library as a ROS 2 interface package.
 
     The new FOLDER gets a .msg for each message type and a .srv for each service of a part. Put it into the src of a ROS
-    workspace and run `colcon build`; in the blueprint `ros_type` names the service.
+    workspace and run `colcon build`; in the blueprint `ros_type` names the service. Its type hash is also in the
+    share/PACKAGE/srv/NAME.json of the built package.
     """
     from msbot.cli import ros_package as writer
-    from msbot.part.messages.ros_names import PACKAGE
+    from msbot.part.messages.ros_names import PACKAGE, service_stem
+    from msbot.part.messages.type_hash import PREFIX
+    from msbot.ros2.package_types import service_classes, service_hash
+    from msbot.sim.model_part import message_class
 
     library, package = library_here(folders), package or PACKAGE
     files = writer.package_files(library, package)
@@ -148,8 +152,10 @@ def ros_package(folder: Path, package: str | None, folders: tuple[Path, ...]) ->
     services = writer.services_of(library)
     messages = amount(sum(path.startswith("msg/") for path in files), "message")
     click.echo(f"{folder} is written: {messages}, {amount(len(services), 'service')}.")
-    for one in services:
-        click.echo(f'  {one}:  ros_type = "{package}/srv/{writer.service_stem(one)}"')
+    for one, (request, reply) in services.items():
+        stem = service_stem(*one)
+        made = service_classes(message_class(request), message_class(reply), package, stem)
+        click.echo(f'  {one}:  ros_type = "{package}/srv/{stem}"  ({PREFIX}{service_hash(*made)[:16]}...)')
 
 
 @command.command("forget")

@@ -14,7 +14,7 @@ from xml.sax.saxutils import escape
 
 from msbot.config import EnumType, FieldType, Library, ListType, MessageType
 from msbot.config.library.field_types import BoundedText, FieldKind
-from msbot.part.messages.ros_names import PACKAGE, ros_field_names, ros_name
+from msbot.part.messages.ros_names import PACKAGE, ros_field_names, ros_stem, service_stem
 from msbot.service_types import ServiceType
 from msbot_xrce.errors import ConfigError
 
@@ -31,6 +31,9 @@ _WORDS_OF_C = """
 """
 _WORDS = {"C or C++": frozenset(_WORDS_OF_C.split()), "Python": frozenset(keyword.kwlist)}
 """Words of the languages for which ROS 2 makes code of a package: none of them can be a field."""
+REPLY = "of the reply"
+"""Stands behind each constant of a reply: what generates code for ROS 2 takes two constants of one file for the same if
+they are written alike, as those of a request and its reply with one enum are."""
 _MANIFEST = """\
 <?xml version="1.0"?>
 <package format="3">
@@ -74,11 +77,6 @@ def services_of(library: Library) -> dict[ServiceType, tuple[MessageType, Messag
     }
 
 
-def service_stem(service: ServiceType) -> str:
-    """The name of a service in ROS 2: `SwitchToText`."""
-    return f"{_stem(service.request)}To{_stem(service.reply)}"
-
-
 def package_files(library: Library, package: str = PACKAGE) -> dict[str, str]:
     """The files of a package, by their paths in it.
 
@@ -103,10 +101,10 @@ def package_files(library: Library, package: str = PACKAGE) -> dict[str, str]:
 
     for message in library.messages.values():
         head = f"{_remark(message.description)}\n" if message.description else ""
-        put(f"msg/{_stem(message.name)}.msg", message.name, head + _fields(message, package))
+        put(f"msg/{ros_stem(message.name)}.msg", message.name, head + _fields(message, package))
     for service, (request, reply) in services_of(library).items():
-        text = f"{_remark(str(service))}\n{_fields(request, package)}---\n{_fields(reply, package)}"
-        put(f"srv/{service_stem(service)}.srv", str(service), text)
+        text = f"{_remark(str(service))}\n{_fields(request, package)}---\n{_fields(reply, package, REPLY)}"
+        put(f"srv/{service_stem(*service)}.srv", str(service), text)
     listed = "\n".join(f'  "{path}"' for path in sorted(files))
     files["CMakeLists.txt"] = _CMAKE.format(package=package, files=listed)
     files["package.xml"] = _MANIFEST.format(package=escape(package))
@@ -149,15 +147,11 @@ def write_package(files: Mapping[str, str], folder: Path) -> None:
         raise ConfigError(f"{folder}: cannot be written ({error.strerror}); name another folder") from None
 
 
-def _stem(type_name: str) -> str:
-    return ros_name(type_name).rpartition("/")[2]
+def _fields(message: MessageType, package: str, of: str = "") -> str:
+    return "".join(f"{line}\n" for line in _lines(message, package, of))
 
 
-def _fields(message: MessageType, package: str) -> str:
-    return "".join(f"{line}\n" for line in _lines(message, package))
-
-
-def _lines(message: MessageType, package: str) -> Iterator[str]:
+def _lines(message: MessageType, package: str, of: str) -> Iterator[str]:
     shown = ros_field_names(list(message.fields))
     of_enums = {
         name: enum.names for name, kind in zip(shown, message.fields.values(), strict=True) if (enum := _enum(kind))
@@ -165,7 +159,7 @@ def _lines(message: MessageType, package: str) -> Iterator[str]:
     constants = iter(ros_field_names([f"{name}_{one}" for name, names in of_enums.items() for one in names]))
     for name, (field, kind) in zip(shown, message.fields.items(), strict=True):
         for number in range(len(of_enums.get(name, ()))):
-            yield f"uint32 {next(constants).upper()}={number}"
+            yield f"uint32 {next(constants).upper()}={number}" + (f"  {_remark(of)}" if of else "")
         unit = message.units.get(field, "")
         yield f"{_word(kind, package)} {name}" + (f"  {_remark(unit)}" if unit else "")
 
@@ -185,7 +179,7 @@ def _word(kind: FieldType, package: str) -> str:
         case ListType(element, most, is_fixed):
             return f"{_word(element, package)}[{'' if is_fixed else '<='}{most}]"
         case MessageType():
-            return f"{package}/{_stem(kind.name)}"
+            return f"{package}/{ros_stem(kind.name)}"
         case EnumType():
             return "uint32"
         case BoundedText(most):

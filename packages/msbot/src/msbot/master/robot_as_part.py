@@ -301,7 +301,9 @@ def dds_topic_lookup(blueprint: Blueprint, library: Library, partition: str) -> 
     if any(binding.in_dds.ros and service_type(binding.type_name) is not None for binding in blueprint.bindings):
         from msbot.master.ros_services import ros_services  # with all messages of ROS 2, which few robots need
 
-        ros_services(blueprint, library)
+        for service in ros_services(blueprint, library):
+            for topic, form in ((service.requests, service.form.request), (service.replies, service.form.reply)):
+                known[topic.name] = (DdsTopic(topic.name, topic.type_name, type_hash=form.type_hash),)
     for binding in blueprint.bindings:
         if binding.topic not in known and service_type(binding.type_name) is None:
             known[binding.topic] = _dds_topics(binding, library, partition, blueprint.robot.name)

@@ -30,7 +30,7 @@ from msbot.service_types import request_topic, service_type
 from msbot_agent.agent import client_key_of
 from msbot_agent.space import Guid, Qos, Reader, Sample, Topic, Writer
 from msbot_agent.text.sentence import said
-from msbot_agent.text.similar_names import instead_of
+from msbot_agent.text.similar_names import did_you_mean, instead_of, nearest
 from msbot_xrce.errors import ConfigError, NotThere, RemoteProtocolError
 from msbot_xrce.lazy import dataclass
 
@@ -277,6 +277,10 @@ class TopicInspection:
         library = self._running.library
         declared = None if library is None else library.messages.get(kind)
         if declared is None:
+            near = nearest(kind, library.messages if library is not None else ())
+            if near:
+                hint = did_you_mean(near)
+                raise ConfigError(said("the library does not know {type}; {hint}", type=kind, hint=hint))
             raise ConfigError(said("the library does not know {type}: nobody can say what it takes", type=kind))
         message = read_message(name, declared, values)
         self._check_ranges(name, message)

@@ -18,6 +18,7 @@ from msbot.part import Message
 from msbot.part.messages.leaves import from_plain
 from msbot.part.messages.message import Field, fields_of
 from msbot.part.messages.ros_names import ros_name
+from msbot.ros2.known_types import KNOWN_PACKAGES, ROS_TYPES, check_type, types_like
 from msbot.ros2.package_types import package_class, package_hash
 from msbot_agent.ros.node_names import is_topic, topic_of
 from msbot_xrce.errors import ConfigError, LocalProtocolError, RemoteProtocolError
@@ -55,13 +56,6 @@ USUAL: dict[str, tuple[type[Message], dict[str, str]]] = {
 }  # fmt: skip
 """What a standard message is in ROS 2 unless a binding says otherwise."""
 
-ROS_TYPES: dict[str, type[Message]] = {
-    cls.type_name: cls
-    for cls in vars(ros2).values()
-    if isinstance(cls, type) and issubclass(cls, Message) and "::dds_::" in cls.type_name
-}
-"""The known message types of ROS 2 by their names in DDS."""
-
 MOST_BEHIND = 1024
 """Octets behind a message that are let be: Fast DDS leaves some for each empty list, with anything in them."""
 
@@ -94,7 +88,8 @@ def ros_class(name: str) -> type[Message]:
         raise ConfigError(f"{name!r} is not a message type of ROS 2: write it like std_msgs/msg/Float32")
     found = ROS_TYPES.get(f"{match['package']}::msg::dds_::{match['type']}_")
     if found is None:
-        raise ConfigError(f"{name!r} is not among the known message types of ROS 2 (they stand in msbot.ros2)")
+        right = types_like(match["package"], "msg", match["type"])
+        raise ConfigError(f"{name!r} is not among the message types of ROS 2 that MsBOT knows (msbot.ros2); {right}")
     return found
 
 
@@ -102,11 +97,12 @@ def _package_form(ours: type[Message], name: str, fields: Mapping[str, str] | No
     """The form of a type of the user's own package; None: it is a package that MsBOT knows, or no name of a type.
 
     Raises:
-        ConfigError: fields are given, or our own package has the type under another name.
+        ConfigError: there is a typo in the name, fields are given, or our own package has the type under another name.
     """
     match = _NAME.fullmatch(name)
     if match is None or match["package"] in KNOWN_PACKAGES:
         return None
+    check_type(match["package"], "msg", match["type"])
     if fields:
         raise ConfigError(
             f"{name} is not among the message types that MsBOT knows: its fields must be those of {ours.type_name}; "
@@ -125,9 +121,6 @@ class _Step:
     names: tuple[str, ...] = ()
     """Of an enum: the words that theirs has."""
 
-
-KNOWN_PACKAGES = {name.partition("::")[0] for name in ROS_TYPES}
-"""Packages of ROS 2 of which MsBOT has the types that robots use; in others every type has the fields of ours."""
 
 RosFields = tuple[tuple[int, str, float] | tuple[int, str, float, tuple[str, ...]], ...]
 """Which field of ours (by its position) is which of theirs (`linear.x`), and times how much; of an enum its names."""

@@ -1,8 +1,9 @@
 """Services of MsBOT as services of ROS 2 and back: a lamp that serves `Switch -> Text` is a `std_srvs/srv/SetBool`.
 
 A type of ROS 2 that MsBOT does not know has the fields of our two messages: a node with such a type, from a package of
-the user's own, reads them as they are. Where a reply of ROS 2 has `success` and `message`, they say whether there was a
-reply at all, and else why not; so a refusal reaches a program that asks for `std_srvs`.
+the user's own, reads them as they are, and its messages have the same hashes. Where a reply of ROS 2 has `success` and
+`message`, they say whether there was a reply at all, and else why not; so a refusal reaches a program that asks for
+`std_srvs`.
 """
 
 from __future__ import annotations
@@ -13,7 +14,9 @@ from typing import Final
 
 from msbot.part import Message
 from msbot.part.messages.message import fields_of
-from msbot.ros2.forms import MOST_BEHIND, ROS_TYPES, RosForm, fields_by_themselves
+from msbot.ros2.forms import MOST_BEHIND, PackageForm, RosForm, fields_by_themselves
+from msbot.ros2.known_types import ROS_TYPES, check_type
+from msbot.ros2.package_types import service_classes
 from msbot_agent.ros.node_names import is_topic, service_of
 from msbot_xrce.errors import CallError, ConfigError
 from msbot_xrce.lazy import dataclass
@@ -38,9 +41,8 @@ class ServiceForm:
     request_type: str
     """Its name in DDS."""
     reply_type: str
-    request: RosForm | None
-    """None: a type that MsBOT does not know, with the fields of ours."""
-    reply: RosForm | None
+    request: RosForm
+    reply: RosForm
     says_success: bool
     """The reply of ROS 2 has a field `success` to which no field of ours is joined."""
 
@@ -50,7 +52,7 @@ class ServiceForm:
         Raises:
             RemoteProtocolError: it is not a message of their class, or a value does not fit into ours.
         """
-        return octets if self.request is None else self.request.inward(octets)
+        return self.request.inward(octets)
 
     def request_outward(self, request: bytes) -> bytes:
         """A request of ours as one of theirs.
@@ -58,7 +60,7 @@ class ServiceForm:
         Raises:
             RemoteProtocolError: it is not a message of our class, or a value does not fit into theirs.
         """
-        return request if self.request is None else self.request.outward(request)
+        return self.request.outward(request)
 
     def reply_outward(self, reply: bytes) -> bytes:
         """A reply of ours as one of theirs.
@@ -66,8 +68,6 @@ class ServiceForm:
         Raises:
             RemoteProtocolError: it is not a message of our class, or a value does not fit into theirs.
         """
-        if self.reply is None:
-            return reply
         octets = self.reply.outward(reply)
         if not self.says_success:
             return octets
@@ -77,7 +77,9 @@ class ServiceForm:
 
     def refusal(self, why: str) -> bytes | None:
         """A reply of theirs that says why there is none; None: they have no words for it."""
-        if self.reply is None or not {SUCCESS, MESSAGE} <= {field.name for field in fields_of(self.reply.theirs)}:
+        if not {(SUCCESS, "bool"), (MESSAGE, "text")} <= {
+            (field.name, field.codec.kind) for field in fields_of(self.reply.theirs)
+        }:
             return None
         return self.reply.theirs(**{SUCCESS: False, MESSAGE: why}).encode()
 
@@ -88,8 +90,6 @@ class ServiceForm:
             CallError: it says `success: false`; the text is its message.
             RemoteProtocolError: it is not a message of their class, or a value does not fit into ours.
         """
-        if self.reply is None:
-            return octets
         if self.says_success:
             told = self.reply.theirs.decode(octets, most_behind=MOST_BEHIND)
             if not getattr(told, SUCCESS):
@@ -133,17 +133,19 @@ def service_form(
                 sorted({one.split("::")[-1].split("_")[0] for one in ROS_TYPES if one.startswith(f"{_STANDARD}::")})
             )
             raise ConfigError(f"{name}: there is no such service type in {_STANDARD}; there are {known}")
+        check_type(match["package"], "srv", match["type"])
         if fields:
             raise ConfigError(
                 f"{name} is not among the service types that MsBOT knows: its fields must be those of "
                 f"{request.type_name} -> {reply.type_name}; remove ros_fields"
             )
-        return ServiceForm(asked, told, None, None, says_success=False)
+        classes = service_classes(request, reply, match["package"], match["type"])
+        requests, replies = map(PackageForm, (request, reply), classes)
+        return ServiceForm(asked, told, requests, replies, says_success=False)
     theirs = ROS_TYPES[told]
-    requests = _form(request, ROS_TYPES[asked], given[0])
-    replies = _form(reply, theirs, given[1])
-    free = {field.name for field in fields_of(theirs)} - {path for _, path, *_ in replies.fields}
-    return ServiceForm(asked, told, requests, replies, SUCCESS in free)
+    forms = _form(request, ROS_TYPES[asked], given[0]), _form(reply, theirs, given[1])
+    free = {field.name for field in fields_of(theirs)} - {path for _, path, *_ in forms[1].fields}
+    return ServiceForm(asked, told, *forms, SUCCESS in free)
 
 
 def _form(ours: type[Message], theirs: type[Message], given: dict[str, str]) -> RosForm:

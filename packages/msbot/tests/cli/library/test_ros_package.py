@@ -12,12 +12,13 @@ from click.testing import CliRunner
 from hypothesis import given, settings
 
 from msbot.cli.library import command
-from msbot.cli.ros_package import package_files, service_stem, services_of, write_package
+from msbot.cli.ros_package import package_files, services_of, write_package
 from msbot.config import FieldType, Library, MessageType, load_library
 from msbot.part import Message
-from msbot.part.messages.ros_names import PACKAGE
+from msbot.part.messages.ros_names import PACKAGE, service_stem
 from msbot.part.messages.type_hash import described_types, type_hash
 from msbot.recording.recorder.schemas import ros_definition
+from msbot.ros2.package_types import service_classes, service_hash
 from msbot.service_types import ServiceType
 from msbot.sim.model_part import message_class
 from msbot_agent.idl import read_definitions, to_python
@@ -43,20 +44,28 @@ def classes(file: Path) -> Any:
     return module_from(to_python(read_definitions(file), file.name), f"generated_{file.stem}")
 
 
+def whole_hash(service: ServiceType, request: MessageType, reply: MessageType) -> str:
+    """The hash of a service; `tests.ros.genuine` compares it with that of ROS 2."""
+    classes = message_class(request), message_class(reply)
+    return service_hash(*service_classes(*classes, PACKAGE, service_stem(*service)))
+
+
 def test_each_type_and_each_service_is_read_back(tmp_path: Path) -> None:
     own = library(tmp_path)
     folder = tmp_path / "msbot_msgs"
     told = CliRunner().invoke(command, ["ros-package", str(folder), "--library", str(tmp_path / "library")])
     assert told.output.splitlines() == [
         f"{folder} is written: {len(own.messages)} messages, 2 services.",
-        '  Switch -> Text:  ros_type = "msbot_msgs/srv/SwitchToText"',
-        '  arm-1 -> Picture:  ros_type = "msbot_msgs/srv/Arm1ToPicture"',
+        *(
+            f'  {one}:  ros_type = "{PACKAGE}/srv/{service_stem(*one)}"  (RIHS01_{whole_hash(one, *messages)[:16]}...)'
+            for one, messages in services_of(own).items()
+        ),
     ]
     for message in own.messages.values():
         stem = {"arm-1": "Arm1"}.get(message.name, message.name)
         assert hashes(folder / f"msg/{stem}.msg")[f"{PACKAGE}/msg/{stem}"] == ros_hash(message)
     for service, (request, reply) in services_of(own).items():
-        stem = service_stem(service)
+        stem = service_stem(*service)
         wanted = service_hashes(stem, request, reply)
         found = hashes(folder / f"srv/{stem}.srv")
         assert {name: found[name] for name in wanted} == wanted
@@ -155,4 +164,4 @@ def test_every_standard_type_is_one_that_ros_takes() -> None:
 
 
 def test_a_service_has_a_name_of_both_its_messages() -> None:
-    assert service_stem(ServiceType("Switch", "my text")) == "SwitchToMyText"
+    assert service_stem("Switch", "my text") == "SwitchToMyText"

@@ -6,7 +6,8 @@ What another test asked of the node is taken back before each test; the robots o
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from pathlib import Path
 
 import pytest
 
@@ -15,6 +16,16 @@ from msbot_xrce.errors import ConfigError
 from tests.ros.genuine.environment import MIDDLEWARES, environment, refuse
 from tests.ros.genuine.node import Node
 from tests.space.own_network import inside, open_network
+
+
+def pytest_collection_modifyitems(items: Sequence[pytest.Item]) -> None:
+    """The time of a test is its own: in its fixtures the first one installs ROS 2 and builds a package."""
+    for item in items:
+        if item.path.is_relative_to(Path(__file__).parent) and item.get_closest_marker("timeout") is None:
+            item.add_marker(pytest.mark.timeout(OWN_S, func_only=True))
+
+
+OWN_S = 300
 
 
 @pytest.fixture(scope="module")

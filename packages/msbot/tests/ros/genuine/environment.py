@@ -28,6 +28,14 @@ PACKAGES = (
     "ros-jazzy-ament-cmake-gmock", "ros-jazzy-ament-cmake-gtest", "ros-jazzy-ament-cmake-pytest",
     "ros-jazzy-python-cmake-module", "empy<4", "lark", "catkin_pkg", "numpy", "cmake", "ninja",
 )  # fmt: skip
+HEADERS = sysconfig.get_path("include")
+ELSEWHERE = {
+    "/opt/python/cp311-cp311/include/python3.11": HEADERS,
+    "/opt/python/cp311-cp311/lib/python3.11": "${_IMPORT_PREFIX}/lib/python3.11",
+}
+"""Folders of the computer that made the packages, which a package with services includes, and where they are here."""
+INSTALL_S = 1800.0
+"""No network and no computer takes so long to install them."""
 CYCLONE = os.environ.get("MSBOT_RMW_CYCLONEDDS", "")
 """A `librmw_cyclonedds_cpp.so` that somebody has built for these packages: then all tests are run with it as well."""
 MIDDLEWARES = ("rmw_fastrtps_cpp", *(["rmw_cyclonedds_cpp"] if CYCLONE else []))
@@ -51,9 +59,16 @@ def environment() -> Path:
     def make(folder: Path) -> None:
         _run(python, "-m", "venv", str(folder / "ros"))
         _run(str(folder / "ros/bin/python"), "-m", "pip", "install", "-q", *PACKAGES)
+        for exported in folder.glob("ros/share/*/cmake/*.cmake"):
+            before = text = exported.read_text("utf-8")
+            for theirs, ours in ELSEWHERE.items():
+                text = text.replace(theirs, ours)
+            if text != before:
+                exported.write_text(text, "utf-8")
 
     try:
-        return kept("ros-jazzy", make, tools=(python,), told=PACKAGES, of=PROGRAMS / "nothing") / "ros"
+        told = (*PACKAGES, *ELSEWHERE.items())
+        return kept("ros-jazzy", make, tools=(python,), told=told, of=PROGRAMS / "nothing") / "ros"
     except subprocess.CalledProcessError as error:
         refuse(f"ROS 2 cannot be installed: {error.stderr[-500:]}")
         raise
@@ -63,7 +78,7 @@ def built(package: Path) -> Path:
     """Where the genuine tools have installed a package of interfaces, built for Python; the test is skipped without
     a C++ compiler and Python's headers."""
     place = environment()
-    header = Path(sysconfig.get_path("include")) / "Python.h"
+    header = Path(HEADERS, "Python.h")
     if shutil.which("c++") is None or not header.exists():
         refuse(f"a package of interfaces needs a C++ compiler and {header} (apt install g++ python3-dev)")
 
@@ -87,15 +102,17 @@ def built(package: Path) -> Path:
             assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
         shutil.rmtree(folder / "build")
 
-    return kept("ros-interfaces", make, tools=("c++", str(place / "bin/python")), told=(), of=package) / "install"
+    # It is linked to the libraries of this environment.
+    told = (place.parent.name,)
+    return kept("ros-interfaces", make, tools=("c++", str(place / "bin/python")), told=told, of=package) / "install"
 
 
 def with_package(installed: Path) -> dict[str, str]:
     """The variables for a program that imports such a package."""
-    place = environment()
+    libraries = [*_libraries(), installed / "lib"]
     return {
         "PYTHONPATH": str(installed / "lib/python3.11/site-packages"),
-        "LD_LIBRARY_PATH": f"{place / 'lib'}:{installed / 'lib'}",
+        "LD_LIBRARY_PATH": ":".join(map(str, libraries)),
     }
 
 
@@ -107,21 +124,23 @@ def command(name: str, *arguments: str) -> list[str]:
 def surroundings(middleware: str = MIDDLEWARES[0], **variables: str) -> dict[str, str]:
     """The variables for such a program."""
     place = environment()
-    libraries = [place / "lib"]
-    more = {}
-    if middleware == "rmw_cyclonedds_cpp":
-        # The packages are linked to rmw_fastrtps; what is loaded before it takes its place.
-        more["LD_PRELOAD"] = CYCLONE
-        libraries += place.glob("lib/python*/site-packages/ros_rcl.libs")
+    # The packages are linked to rmw_fastrtps; what is loaded before it takes its place.
+    more = {"LD_PRELOAD": CYCLONE} if middleware == "rmw_cyclonedds_cpp" else {}
     return {
         **os.environ,
-        "LD_LIBRARY_PATH": ":".join(map(str, libraries)),
+        "LD_LIBRARY_PATH": ":".join(map(str, _libraries())),
         "RMW_IMPLEMENTATION": middleware,
         "ROS_LOG_DIR": str(place / "log"),
         "PYTHONPATH": "",
         **more,
         **variables,
     }
+
+
+def _libraries() -> list[Path]:
+    """Where the libraries of ROS 2 are; a middleware that is loaded first needs those of `rcl`, too."""
+    place = environment()
+    return [place / "lib", *place.glob("lib/python*/site-packages/ros_rcl.libs")]
 
 
 def _python() -> str | None:
@@ -131,4 +150,4 @@ def _python() -> str | None:
 
 
 def _run(*command: str) -> None:
-    subprocess.run(command, check=True, capture_output=True, text=True)
+    subprocess.run(command, check=True, capture_output=True, text=True, timeout=INSTALL_S)

@@ -6,8 +6,10 @@ import json
 import subprocess
 from pathlib import Path
 
-from msbot.cli.ros_package import package_files, service_stem, services_of, write_package
-from msbot.part.messages.ros_names import PACKAGE, ros_name
+from msbot.cli.ros_package import package_files, services_of, write_package
+from msbot.part.messages.ros_names import PACKAGE, ros_name, service_stem
+from msbot.ros2.package_types import package_hash, service_classes, service_hash
+from msbot.sim.model_part import message_class
 from tests.cli.library.ros_packages import library, ros_hash, service_hashes
 from tests.ros.genuine.environment import command, environment, surroundings
 
@@ -27,6 +29,13 @@ def test_ros_reads_the_package_and_its_hashes_are_ours(tmp_path: Path) -> None:
     theirs = {name: one.removeprefix("RIHS01_")[:16] for name, one in json.loads(done.stdout.splitlines()[-1]).items()}
     ours = {ros_name(name): ros_hash(one) for name, one in own.messages.items()}
     for service, messages in services_of(own).items():
-        ours |= service_hashes(service_stem(service), *messages)
+        ours |= service_hashes(service_stem(*service), *messages)
     assert len(ours) == len(own.messages) + 4
     assert {name: theirs[name] for name in ours} == ours
+    told = json.loads(done.stdout.splitlines()[-1])
+    for service, (request, reply) in services_of(own).items():
+        stem = service_stem(*service)
+        made = service_classes(message_class(request), message_class(reply), PACKAGE, stem)
+        assert told[f"{PACKAGE}/srv/{stem}"] == f"RIHS01_{service_hash(*made)}"
+        for end, one in zip(("Request", "Response"), made, strict=True):
+            assert told[f"{PACKAGE}/srv/{stem}_{end}"] == f"RIHS01_{package_hash(one)}"

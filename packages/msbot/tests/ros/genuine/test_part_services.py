@@ -173,15 +173,14 @@ async def test_a_part_calls_the_service_of_a_node(tmp_path: Path, node: Node) ->
     heard: list[object] = []
     async with lamp(tmp_path) as (master, part, _):
 
-        def ask() -> None:
+        async def ask() -> object:
+            before = len(heard)
             part.call("ask", Switch(on=True), timeout=0.5, on_reply=lambda reply, error: heard.append(reply or error))
+            await until(lambda: len(heard) > before, "the end of the call")
+            return heard[-1]
 
-        while Text(text='{"data": true}') not in heard:  # until both sides know of each other
-            ask()
-            await asyncio.sleep(0.1)
+        while await ask() != Text(text='{"data": true}'):
+            pass  # until both sides know of each other: a call that nobody serves ends after at most its timeout
         master.say_stop("ann")
         await until(lambda: master.stop.stopped, "STOP")
-        heard.clear()
-        ask()
-        await until(lambda: heard, "the end of the call")
-        assert heard == ["call of ask: STOP is in force: call again after GO"]
+        assert await ask() == "call of ask: STOP is in force: call again after GO"

@@ -9,7 +9,8 @@ from collections import Counter
 from hypothesis import Phase, given, settings
 
 from msbot.part import Message
-from msbot.ros2.forms import MOST_BEHIND, ROS_TYPES
+from msbot.ros2.forms import MOST_BEHIND
+from msbot.ros2.known_types import ROS_TYPES
 from tests.idl.generated import messages
 from tests.ros.genuine.environment import PROGRAMS, environment
 

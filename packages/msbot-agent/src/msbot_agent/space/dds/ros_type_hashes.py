@@ -1,6 +1,7 @@
 """What tells one version of a type of ROS 2 from another (REP 2016), for the types that a robot uses itself.
 
-Written by tools/ros_type_hashes.py from ROS 2 Jazzy. The hash of a service stands for its requests and its replies.
+Written by tools/ros_type_hashes.py from ROS 2 Jazzy. Requests and replies of a service have the hashes of their own
+messages, as both middlewares tell them; the service as a whole has another one, which no endpoint tells.
 """
 
 from __future__ import annotations
@@ -42,18 +43,18 @@ ROS_TYPE_HASHES = {
     "rcl_interfaces::msg::dds_::ParameterValue_": "115fc089a387e23c7ecd3525c9189c379109119d6ab82e8dfbde0fdf6a7f9b68",
     "rcl_interfaces::msg::dds_::Parameter_": "ddfe6442cffc462317adb5c92536a7b6dd55858c5c3e1e328165a6b73c2831af",
     "rcl_interfaces::msg::dds_::SetParametersResult_": "cfcc0fb0371ee5159b403960ef4300f8f9d2f1fd6117c8666b7f9654d528a9b1",
-    "rcl_interfaces::srv::dds_::DescribeParameters_Request_": "845b484d71eb0673dae682f2e3ba3c4851a65a3dcfb97bddd82c5b57e91e4cff",
-    "rcl_interfaces::srv::dds_::DescribeParameters_Response_": "845b484d71eb0673dae682f2e3ba3c4851a65a3dcfb97bddd82c5b57e91e4cff",
-    "rcl_interfaces::srv::dds_::GetParameterTypes_Request_": "da199c878688b3e530bdfe3ca8f74cb9fa0c303101e980a9e8f260e25e1c80ca",
-    "rcl_interfaces::srv::dds_::GetParameterTypes_Response_": "da199c878688b3e530bdfe3ca8f74cb9fa0c303101e980a9e8f260e25e1c80ca",
-    "rcl_interfaces::srv::dds_::GetParameters_Request_": "bf9803d5c74cf989a5de3e0c2e99444599a627c7ff75f97b8c05b01003675cbc",
-    "rcl_interfaces::srv::dds_::GetParameters_Response_": "bf9803d5c74cf989a5de3e0c2e99444599a627c7ff75f97b8c05b01003675cbc",
-    "rcl_interfaces::srv::dds_::ListParameters_Request_": "3e6062bfbb27bfb8730d4cef2558221f51a11646d78e7bb30a1e83afac3aad9d",
-    "rcl_interfaces::srv::dds_::ListParameters_Response_": "3e6062bfbb27bfb8730d4cef2558221f51a11646d78e7bb30a1e83afac3aad9d",
-    "rcl_interfaces::srv::dds_::SetParametersAtomically_Request_": "0e192ef259c07fc3c07a13191d27002222e65e00ccec653ca05e856f79285fcd",
-    "rcl_interfaces::srv::dds_::SetParametersAtomically_Response_": "0e192ef259c07fc3c07a13191d27002222e65e00ccec653ca05e856f79285fcd",
-    "rcl_interfaces::srv::dds_::SetParameters_Request_": "56eed9a67e169f9cb6c1f987bc88f868c14a8fc9f743a263bc734c154015d7e0",
-    "rcl_interfaces::srv::dds_::SetParameters_Response_": "56eed9a67e169f9cb6c1f987bc88f868c14a8fc9f743a263bc734c154015d7e0",
+    "rcl_interfaces::srv::dds_::DescribeParameters_Request_": "05dd1c2bc87dec2627105c8070d6f9725c781a4f2ab852975bf105462b82b644",
+    "rcl_interfaces::srv::dds_::DescribeParameters_Response_": "ad6747319613c6131589e062e095b469a46cc764f7d0f12a001a49e6cd893995",
+    "rcl_interfaces::srv::dds_::GetParameterTypes_Request_": "87d7ec5ef545d4daa289d500025d31fb2437bc8b8365ca367161c4dac4be33fd",
+    "rcl_interfaces::srv::dds_::GetParameterTypes_Response_": "ac1335dce67c478e669434f6ac2fbff34fcd529580f272d3006785ba8b54e47f",
+    "rcl_interfaces::srv::dds_::GetParameters_Request_": "135a9e1c3d7cebef792f6687d7ddf99949b21a0bd9a320d863a9110a3f5cf4d6",
+    "rcl_interfaces::srv::dds_::GetParameters_Response_": "9fa773b46e39cc5d02db6224d8fd520bb9caeeffc2b27c96c1e59431baba9f2a",
+    "rcl_interfaces::srv::dds_::ListParameters_Request_": "a1b0b5d6b967a5b8ac5bc8563c3ea678f349e312a6a4967227c5a96bc5ce38df",
+    "rcl_interfaces::srv::dds_::ListParameters_Response_": "31b937b82de3612426be79f231e386259f97e8dc843e3f2845288b4bfa296bdd",
+    "rcl_interfaces::srv::dds_::SetParametersAtomically_Request_": "db0bd950ed5ed867a0e90b225e44dea382d762c0762ff3e0ee842190042a59e5",
+    "rcl_interfaces::srv::dds_::SetParametersAtomically_Response_": "31b1a38c5b0b9d893ee24da45f69638f4561c78461d82d52750f429b534502b8",
+    "rcl_interfaces::srv::dds_::SetParameters_Request_": "130d46386b7e84ea9ecf60608a4d83cbe5e5cb7c6cc5b712b7a4e3a6c254e932",
+    "rcl_interfaces::srv::dds_::SetParameters_Response_": "7a0e8140a0b8d98308fa81a5403a766e610af29a239caf54b7553227906fc266",
     "rmw_dds_common::msg::dds_::ParticipantEntitiesInfo_": "91a0593bacdcc50ea9bdcf849a938b128412cc1ea821245c663bcd26f83c295e",
     "rosgraph_msgs::msg::dds_::Clock_": "692f7a66e93a3c83e71765d033b60349ba68023a8c689a79e48078bcb5c58564",
     "sensor_msgs::msg::dds_::BatteryState_": "4bee5dfce981c98faa6828b868307a0a73f992ed0789f374ee96c8f840e69741",
@@ -98,12 +99,12 @@ ROS_TYPE_HASHES = {
     "std_msgs::msg::dds_::UInt64_": "fbdc52018fc13755dce18024d1a671c856aa8b4aaf63adfb095b608f98e8c943",
     "std_msgs::msg::dds_::UInt8MultiArray_": "5687e861b8d307a5e48b7515467ae7a5fc2daf805bd0ce6d8e9e604bade9f385",
     "std_msgs::msg::dds_::UInt8_": "6138bd83d8c3569cb80a667db03cfc1629f529fee79d944c39c34e352e72f010",
-    "std_srvs::srv::dds_::Empty_Request_": "5888399dedec5ccc85ea6451949fd2c9f97bfdf963f9a588821639fcd31b5d19",
-    "std_srvs::srv::dds_::Empty_Response_": "5888399dedec5ccc85ea6451949fd2c9f97bfdf963f9a588821639fcd31b5d19",
-    "std_srvs::srv::dds_::SetBool_Request_": "abe9e4bb6b41b40e6789712c00ec8871923e089af3f667a79992a428cff2da0a",
-    "std_srvs::srv::dds_::SetBool_Response_": "abe9e4bb6b41b40e6789712c00ec8871923e089af3f667a79992a428cff2da0a",
-    "std_srvs::srv::dds_::Trigger_Request_": "eeff2cd6fa5ad9d27cdf4dec64818317839b62f212a91e6b5304b634b2062c5f",
-    "std_srvs::srv::dds_::Trigger_Response_": "eeff2cd6fa5ad9d27cdf4dec64818317839b62f212a91e6b5304b634b2062c5f",
+    "std_srvs::srv::dds_::Empty_Request_": "458eaf200a3f63d9cc53d19436edebc0c140ef4c93ca75d5bd4ce19fd7759e35",
+    "std_srvs::srv::dds_::Empty_Response_": "0a2858b3f60df644a61d0fa44cfc923a3d3628e0ad9c8ad8534b1a2c92a413dc",
+    "std_srvs::srv::dds_::SetBool_Request_": "c62fbb99d94e1b25e8ef9e109f9581956bb1b3361a45a4e5810c36a90d29932e",
+    "std_srvs::srv::dds_::SetBool_Response_": "d0814e7f7b4880ab77e9c57426c7aa1562ab69f11eef8e2e968812f9cbd0b059",
+    "std_srvs::srv::dds_::Trigger_Request_": "d010825374ce8918e72bfd826c82603e60f45419e932ea976f807b74a863a199",
+    "std_srvs::srv::dds_::Trigger_Response_": "2d946c21e2fc3f1e9ca6986a8191d85fcc70097a8bb7771a053564bc47009cdf",
 }
 
 

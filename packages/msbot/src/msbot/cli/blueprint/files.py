@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import click
@@ -14,6 +15,7 @@ from msbot.cli.run.bridges_beside import check_bridges
 from msbot.config import Blueprint, Library, blueprint_toml, open_blueprint, write_sample
 from msbot.part.run import CAN
 from msbot.registry import open_registry
+from msbot.service_types import service_type
 from msbot_agent.link import open_link
 from msbot_agent.toml.problems import FileLocation, Problems
 from msbot_xrce.counting import amount
@@ -41,7 +43,8 @@ def check_command(blueprint: Path, folders: tuple[Path, ...], links: tuple[str, 
         for link in links:
             open_link(link, serve=True, can=CAN)
         crowded = _check_bridges(blueprint, robot, library, links)
-    told = hints(robot, library) + crowded
+        unknown = _check_ros(blueprint, robot, library)
+    told = hints(robot, library) + crowded + unknown
     if as_json:
         click.echo(json.dumps({"problems": [], "hints": told}))
         return
@@ -64,6 +67,28 @@ def _check_bridges(path: Path, robot: Blueprint, library: Library, links: tuple[
         problems.add(FileLocation(str(path), path=("bridge",)), str(error).removeprefix("[[bridge]]: "))
         problems.raise_if_any()
         raise
+
+
+def _check_ros(path: Path, robot: Blueprint, library: Library) -> list[str]:
+    """Whether ROS 2 has a form for what is shared with it; every mistake is one of the file. Returns hints."""
+    shared = [(place, one) for place, one in enumerate(robot.bindings) if one.in_dds.ros]
+    if not shared:
+        return []
+    from msbot.master.robot_as_part import dds_topic_lookup
+    from msbot.ros2.known_types import hint_of
+
+    problems, told = Problems(), []
+    for place, binding in shared:
+        try:
+            dds_topic_lookup(replace(robot, bindings=(binding,)), library, "")
+        except ConfigError as error:
+            begin = f'the binding of "{binding.topic}" with ros = true: '
+            problems.add(FileLocation(str(path), path=("binding", place)), str(error).removeprefix(begin))
+        else:
+            kind = "msg" if service_type(binding.type_name) is None else "srv"
+            told += [hint for hint in [hint_of(binding.in_dds.ros_type, kind)] if hint]
+    problems.raise_if_any()
+    return list(dict.fromkeys(told))
 
 
 def hints(blueprint: Blueprint, library: Library) -> list[str]:

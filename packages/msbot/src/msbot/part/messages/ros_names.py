@@ -8,7 +8,7 @@ from typing import Final
 
 from msbot.part.messages.type_hash import PACKAGE
 
-__all__ = ["PACKAGE", "ros_field_names", "ros_name"]
+__all__ = ["PACKAGE", "ros_field_names", "ros_name", "ros_stem", "service_stem"]
 
 _FOREIGN: Final = re.compile(r"[^A-Za-z0-9]+")
 _CAPITAL: Final = re.compile(r"(?<=[a-z0-9])([A-Z])")
@@ -22,6 +22,16 @@ def ros_name(type_name: str) -> str:
     pieces = [piece for word in words for piece in _FOREIGN.split(word) if piece]
     name = "".join(piece[:1].upper() + piece[1:] for piece in pieces)
     return f"{PACKAGE}/msg/{name if name[:1].isalpha() else f'Type{name}'}"
+
+
+def ros_stem(type_name: str) -> str:
+    """The last word of that name: `ArmPose`."""
+    return ros_name(type_name).rpartition("/")[2]
+
+
+def service_stem(request: str, reply: str) -> str:
+    """The last word of the name of a service in ROS 2, made of its messages: `SwitchToText`."""
+    return f"{ros_stem(request)}To{ros_stem(reply)}"
 
 
 def ros_field_names(names: Sequence[str]) -> list[str]:

@@ -83,13 +83,11 @@ class Does:
         self.node.destroy_client(client)
         return {"response": plain(answer), "median_ms": 1e3 * sorted(took)[len(took) // 2]}
 
-    def serve(self, type, name):
-        """A service that answers true, and tells what it was asked."""
+    def serve(self, type, name, reply=None):
+        """A service that answers with that, else with true and what it was asked."""
 
         def answer(request, response):
-            response.success = True
-            response.message = json.dumps(plain(request))
-            return response
+            return filled(response, reply or {"success": True, "message": json.dumps(plain(request))})
 
         self.kept.append(self.node.create_service(class_of(type), name, answer))
 
@@ -236,6 +234,18 @@ class Does:
 
     def publishers(self, name, wanted=1):
         return self._ends(self.node.get_publishers_info_by_topic, name, wanted)
+
+    def service_ends(self, name):
+        """The hashes of all who read the requests of a service or write its replies: once both are there."""
+        deadline = time.monotonic() + GENEROUS_S
+        while True:
+            ends = [
+                self.node.get_subscriptions_info_by_topic(f"rq{name}Request", no_mangle=True),
+                self.node.get_publishers_info_by_topic(f"rr{name}Reply", no_mangle=True),
+            ]
+            if all(ends) or time.monotonic() > deadline:
+                return [{"type": one.topic_type, "hash": str(one.topic_type_hash)} for found in ends for one in found]
+            time.sleep(0.01)
 
     def subscriptions(self, name, wanted=1):
         return self._ends(self.node.get_subscriptions_info_by_topic, name, wanted)
