@@ -33,6 +33,10 @@ pytest.importorskip("canopen")
 pytest.importorskip("dronecan")
 pytest.importorskip("pycyphal")
 
+import canopen
+import dronecan
+import pycyphal.application
+
 from msbot_bridges.canopen.drive_states import DriveState
 from msbot_bridges.canopen.simulated.drive import SimulatedDrive
 from msbot_bridges.canopen.simulated.io_module import SimulatedIo
@@ -126,6 +130,9 @@ async def test_a_servo_of_another_world_takes_the_slot_of_a_drive_that_is_pulled
         await robot.until(lambda: robot.has(SERVO, PartState.STANDBY))
         await robot.until(lambda: robot.has(LAMP, PartState.ACTIVE, "lamp"))
         eye = await plugged.enter_async_context(range_finder(f"{robot.bus}-cyphal"))
+        assert isinstance(drive.node, canopen.LocalNode)
+        assert isinstance(servo._node, dronecan.node.Node)
+        await robot.until(lambda: isinstance(eye.node, pycyphal.application.Node))
         await robot.until(lambda: eye.restarts and robot.has(EYE, PartState.ACTIVE, "eye"))
 
         await robot.do("publish", who="ann", port="joint.angle", values=["36"], seconds=60.0)
@@ -152,6 +159,9 @@ async def test_a_servo_of_another_world_takes_the_slot_of_a_drive_that_is_pulled
         await robot.until(lambda: abs(servo.position - 0.349) < 0.01)
         await robot.do("stop", who="ann", reason="")
         await robot.until(lambda: len(robot.master.stop.confirmed) == 4)
+        assert {one.part for one in robot.master.stop.confirmed} == {EYE, IO, LAMP, SERVO}
+        assert all(one.ms > 0 for one in robot.master.stop.confirmed), "each was measured"
+        assert not robot.master.stop.silent
         assert abs(servo.position) < 0.06
         why = robot.master.why(DRIVE)
         assert any("has sent no heartbeat" in line for line in why), why
@@ -214,5 +224,6 @@ def test_two_bridges_of_one_world_on_one_bus_are_refused() -> None:
 def test_the_demo_shows_the_parts_that_bridges_bring(tmp_path: Path) -> None:
     state = {"XDG_STATE_HOME": str(tmp_path / "state")}
     with running_command("demo", "--robot", "makers", "--port", "0", cwd=tmp_path, env=state) as demo:
-        demo.wait_for("joint active", "switches active", "button active", "lamp active")
+        demo.wait_for("joint active", "switches active", "button active", "lamp active", "eye active")
         demo.end()
+    assert not [line for line in demo.lines if "error-passive" in line], "no device is alone on its bus"

@@ -2,6 +2,7 @@
 
 from msbot_bridges.canbus.bus import FrameSender, check_address, open_bus
 from msbot_bridges.canbus.heartbeats import Heartbeats
+from msbot_bridges.canbus.held_bus import held_bus
 from msbot_bridges.canbus.neighbours import BEACON_ID, Neighbours
 from msbot_bridges.canbus.one_bus import OnBus, check_one_bus, robot_on_bus
 
@@ -13,6 +14,7 @@ __all__ = [
     "OnBus",
     "check_address",
     "check_one_bus",
+    "held_bus",
     "open_bus",
     "robot_on_bus",
 ]

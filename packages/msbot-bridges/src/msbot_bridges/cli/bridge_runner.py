@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Coroutine, Mapping, Sequence
+from contextlib import AbstractAsyncContextManager, nullcontext
 from typing import Final
 
 from msbot.cli.run.bridges_beside import BridgeBus, PluggableDevice
@@ -14,7 +15,7 @@ from msbot.part.join.pnp_messages import Nature
 from msbot_agent.link import Link
 from msbot_agent.process.end_signals import ungrouped
 from msbot_bridges.bridge import Bridge, BridgeLink, World, WorldKind, worlds
-from msbot_bridges.canbus import OnBus, check_one_bus, robot_on_bus
+from msbot_bridges.canbus import OnBus, check_one_bus, held_bus, robot_on_bus
 from msbot_bridges.cli.device_process import DeviceProcess
 from msbot_xrce.errors import ConfigError, LinkDown, MsbotError
 
@@ -135,7 +136,7 @@ async def _run_table(
     """One network with its bridge and simulated devices; a robot does not end because it cannot be brought up."""
     while True:
         try:
-            async with _kind(table).reached(_link(table)) as reached:
+            async with _kind(table).reached(_link(table)) as reached, _held(table, reached):
                 with ungrouped(MsbotError):
                     async with asyncio.TaskGroup() as tasks:
                         tasks.create_task(_run_bridge(table, reached, connect, say))
@@ -144,6 +145,11 @@ async def _run_table(
         except LinkDown as error:
             say(f"bridge for {table.world}: {error}; tried again in {AGAIN_S:g} s")
         await asyncio.sleep(AGAIN_S)
+
+
+def _held(table: BridgeTable, reached: BridgeLink) -> AbstractAsyncContextManager[None]:
+    """The bus of simulated devices outlasts each of them."""
+    return held_bus(reached.address) if table.simulate and _kind(table).can is not None else nullcontext()
 
 
 async def _run_bridge(
