@@ -41,6 +41,7 @@ def _blf_with_a_damaged_container() -> bytes:
         pytest.param("ros", b"int32 a\nuint8 B=\x1b[31m", id="escape sequence in a constant"),
         pytest.param("ros", b"bool[2] flags " + b"[" * 5000, id="deep default"),
         pytest.param("candump", "can0 123 [2] DE\u00a0AD".encode(), id="another space"),
+        pytest.param("trc", b";$FILEVERSION=2.1\r\n;$STARTTIME=25500000173", id="a day that no calendar has"),
         pytest.param("asc", b"date Wed\x1b[31m\nbase hex", id="escape sequence in a log"),
         pytest.param("recording", b"\x89MCAP\r\r\n" + bytes(40), id="a version that controls the terminal"),
         pytest.param("recording", b"\x89MCAP0\r\n" + bytes(40), id="bytes that are no record"),

@@ -188,6 +188,7 @@ class FrameReader:
         except (
             ValueError,
             LookupError,
+            ArithmeticError,
             TypeError,
             struct.error,
             zlib.error,
