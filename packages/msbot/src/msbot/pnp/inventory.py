@@ -17,6 +17,7 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from random import Random
 
+from msbot.part.join.pnp_messages import Nature
 from msbot.pnp.claim_handler import PENDING, Adopter, ClaimHandler
 from msbot.pnp.inventory_index import InventoryIndex, PartSession
 from msbot.pnp.inventory_record import InventoryRecord
@@ -191,6 +192,11 @@ class Inventory:
     def members(self) -> list[tuple[bytes, str]]:
         """Identity and name of every registered part."""
         return [(record.identity, record.name) for record in self._index.holders.values() if record.is_registered]
+
+    def is_simulated(self, client_key: int) -> bool:
+        """Whether the part behind a session says that it is simulated."""
+        record = self._index.record_of(client_key)
+        return record is not None and record.nature is Nature.SIMULATED
 
     def shown_key(self, key: int) -> int | None:
         """The client key shown by the session that the agent knows as `key`; None: there is no such session."""

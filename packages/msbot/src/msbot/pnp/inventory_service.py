@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
+from collections import deque
 from collections.abc import Callable
 from typing import ParamSpec, Protocol
 
@@ -53,6 +54,8 @@ _NOBODYS_REQUEST = bytes(8)
 """Sequence number 0: the reply answers no request."""
 GO_TIMES = 3
 """GO is repeated with this many answers to beats, in case one is lost; STOP with every one until the part confirms."""
+TOLD_IN_TURN = 10
+"""Simulated parts that are told of STOP or GO in one turn of the loop."""
 
 _COMPACT = ServiceNames(
     pnp_messages.INVENTORY_SERVICE, pnp_messages.INVENTORY_REQUEST_TYPE, pnp_messages.INVENTORY_REPLY_TYPE
@@ -115,6 +118,8 @@ class InventoryService:
         """Client key -> the lease that it was last told."""
         self._go_again: dict[int, int] = {}
         """Client key -> how many more times it is told that STOP is over."""
+        self._to_tell: deque[int] = deque()
+        """Simulated parts that are still to be told of STOP or GO."""
         self._awake_at = 0.0
         """When the inventory's timer is next checked."""
         self._sooner = asyncio.Event()
@@ -333,9 +338,26 @@ class InventoryService:
         elsewhere = self._elsewhere
         if elsewhere is not None:
             in_any_case(elsewhere.tell_stop)  # one message for all parts of an agent
-        for client_key in list(self._askers):
-            if elsewhere is None or not elsewhere.has(client_key):
+        here = [key for key in self._askers if elsewhere is None or not elsewhere.has(key)]
+        self._to_tell = simulated = deque(filter(self._inventory.is_simulated, here))
+        later = frozenset(simulated)
+        for client_key in here:
+            if client_key not in later:
                 in_any_case(self._notify, client_key, kind, self.stop.stop_number)
+        self._tell_some(kind, simulated)
+
+    def _tell_some(self, kind: pnp_messages.NoticeKind, keys: deque[int]) -> None:
+        """Tell simulated parts, a few in each turn of the loop, unless all are told something newer by now.
+
+        In a class there are many, and all answer at once: what real parts do, and the answer to whoever has said STOP,
+        do not wait for them.
+        """
+        if keys is not self._to_tell:
+            return
+        for _ in range(min(TOLD_IN_TURN, len(keys))):
+            in_any_case(self._notify, keys.popleft(), kind, self.stop.stop_number)
+        if keys:
+            asyncio.get_running_loop().call_soon(self._tell_some, kind, keys)
 
     def _notify(
         self, client_key: int, kind: pnp_messages.NoticeKind, number: int = 0, binding: int = pnp_messages.NO_BINDING
