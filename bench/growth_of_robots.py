@@ -41,6 +41,7 @@ from msbot.part import JoinState, Part
 from msbot.process.virtual_time import run_virtual
 from msbot.registry import open_registry
 from msbot_agent.link import InprocHub
+from msbot_agent.process.end_signals import collect_seldom
 from msbot_agent.process.user_folders import PACKAGES
 
 PICTURE = Path(__file__).parent.parent / "docs/explain/growth-robots.svg"
@@ -99,6 +100,7 @@ async def be_crowd(size: int, seconds: float, looks: int) -> dict[str, object]:
     """So many parts in this process, each saying something to the next once a second; what it costs."""
     for package in PACKAGES:
         logging.getLogger(package).setLevel(logging.CRITICAL)
+    collect_seldom()  # as a master does
     random, heard, hub = Random(1), [0], InprocHub()
     with tempfile.TemporaryDirectory() as name, open_registry(Path(name) / "robot.db", epoch_ns=lambda: 0) as registry:
         blueprint = ring(Path(name), size)
