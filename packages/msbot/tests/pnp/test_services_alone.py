@@ -11,7 +11,7 @@ from msbot.part import Client, Entity
 from msbot.part.join import pnp_messages, thesis_messages
 from msbot.part.join.refusal import Refusal
 from msbot.pnp import Claim, Configuration, InventoryService, PartEvent, PartState
-from msbot.pnp.inventory_service import LONGEST_BEST_EFFORT
+from msbot.pnp.inventory_service import LONGEST_BEST_EFFORT, TOLD_IN_TURN
 from msbot.pnp.life_status import TRANSITIONS
 from msbot.process.virtual_time import run_virtual
 from msbot_agent.link import InprocHub
@@ -197,6 +197,44 @@ def test_a_part_that_joins_while_stop_holds_hears_of_it_with_its_configuration()
         assert held[:3] == (1, True, open_robot)
         assert desk.service.go_all("ann") == 1
         assert desk.said() == [unasked(1, pnp_messages.NoticeKind.GO, 1)]
+
+    run_virtual(scene())
+
+
+def test_real_parts_are_told_of_stop_first_and_a_crowd_of_simulated_ones_a_few_in_each_turn() -> None:
+    async def scene() -> None:
+        desk = Desk(explain=True)
+        crowd = range(10, 10 + 3 * TOLD_IN_TURN - 1)
+        for key in crowd:
+            desk.rig.join(key)
+            desk.claim(key, "WXYZ")
+            record = desk.rig.inventory._index.record_of(key)
+            assert record is not None
+            assert not desk.rig.inventory.is_simulated(key)
+            record.take_nature(pnp_messages.Nature.SIMULATED)
+            assert desk.rig.inventory.is_simulated(key)
+        desk.join(1, "ABCD")  # it comes last
+        assert not desk.rig.inventory.is_simulated(1)
+        desk.service.stop_all("ann", "", 0)
+        in_turns = []
+        while said := desk.said():
+            in_turns.append(said)
+            await asyncio.sleep(0)
+        assert [[key for key, *_ in said] for said in in_turns] == [
+            [1, *crowd[:TOLD_IN_TURN]],
+            [*crowd[TOLD_IN_TURN : 2 * TOLD_IN_TURN]],
+            [*crowd[2 * TOLD_IN_TURN :]],
+        ]
+        assert [one for said in in_turns for one in said] == [
+            unasked(key, pnp_messages.NoticeKind.STOP, 1) for key in (1, *crowd)
+        ]
+
+        desk.service.stop_all("ann", "", 0)
+        desk.service.go_all("ann")  # in the same turn: who has not heard of STOP yet must not hear of it later
+        for _ in in_turns:
+            await asyncio.sleep(0)
+        last = {said[0]: said for said in desk.said()}
+        assert last == {key: unasked(key, pnp_messages.NoticeKind.GO, 1) for key in (1, *crowd)}
 
     run_virtual(scene())
 

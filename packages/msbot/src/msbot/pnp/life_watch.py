@@ -18,6 +18,10 @@ from msbot_agent.text.sentence import said
 
 STANDBY_SILENCE_S = 6.0
 """A standby part that has not claimed for this long, or for the longest detection time, is gone."""
+GRID_S = 0.05
+"""So late this process may be called without being busy: timers come in groups."""
+TURNS = 6.0
+"""A beat has to wait so many times for a busy process: to be read, to be passed on, to be answered, to be sent."""
 
 
 class LifeWatch:
@@ -38,6 +42,8 @@ class LifeWatch:
         self.timing = timing
         self._tick_at = now + timing.tick_s
         self._watch_at = now + timing.beat_s / 2
+        self._late_s = 0.0
+        """How late it was called of late."""
 
     def use_agent(self, *, last_heard: Callable[[int], float | None], probe: Callable[[int], object]) -> None:
         """Use what the agent has heard in addition to the beats.
@@ -60,16 +66,18 @@ class LifeWatch:
         """Do what is due: mark late parts, count down life status.
 
         When this process was held up, nobody is looked for at once, and only one tick is made up for: the beats of that
-        time are waiting in some queue, and no part may be late, or delisted, for our own delay.
+        time are waiting in some queue, and no part may be late, or delisted, for our own delay. While this process has
+        more work than time, parts are given as much more time as their beats may have to wait here.
         """
         if now >= self._watch_at:
             half = self.timing.beat_s / 2
             was_held_up = now - self._watch_at > half
+            self._late_s = max(0.0 if was_held_up else now - self._watch_at - GRID_S, self._late_s / 2)
             self._watch_at = now + half
             if not was_held_up:
                 self._watch(now)
         if now >= self._tick_at:
-            self._tick_at += self.timing.tick_s
+            self._tick_at += self.timing.tick_s + TURNS * self._late_s
             if self._tick_at <= now:
                 self._tick_at = now + self.timing.tick_s
             self._tick(now)
@@ -78,7 +86,7 @@ class LifeWatch:
         patience = max(STANDBY_SILENCE_S, self.timing.longest_detection_s)
         for record in list(self._index.records):
             self._listen(record, now)
-            if record.state is PartState.ACTIVE and record.life.is_late(now):
+            if record.state is PartState.ACTIVE and record.life.is_late(now - TURNS * self._late_s):
                 self._late(record, now)
             elif record.state is PartState.STANDBY and now - record.heard_at > patience:
                 self._changes.retire(
