@@ -3,7 +3,7 @@
     python tools/commands_page.py            says whether the page is up to date (status 1 if not); a test does the same
     python tools/commands_page.py --write    writes them
 
-A row is a command with its arguments, then the first sentence of its `--help`.
+A row is a command with its arguments, then the first clause of its `--help`.
 """
 
 from __future__ import annotations
@@ -52,12 +52,12 @@ def _rows(name: str) -> Iterator[str]:
 def _row(words: str, command: click.Command) -> str:
     context = click.Context(command, info_name=words)
     arguments = [part.make_metavar(context) for part in command.params if isinstance(part, click.Argument)]
-    return f"* `{' '.join([words, *arguments])}`: {_first_sentence(command)}"
+    return f"* `{' '.join([words, *arguments])}`: {_first_clause(command)}"
 
 
-def _first_sentence(command: click.Command) -> str:
+def _first_clause(command: click.Command) -> str:
     paragraph = re.sub(r"\s+", " ", (command.help or "").strip().partition("\n\n")[0])
-    return re.split(r"(?<=\.) (?=[A-Z`])", paragraph, maxsplit=1)[0].removesuffix(".")
+    return re.split(r"(?<=\.) (?=[A-Z`])|; ", paragraph, maxsplit=1)[0].removesuffix(".")
 
 
 def with_tables(page: str) -> str:

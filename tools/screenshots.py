@@ -212,10 +212,10 @@ def _lesson(page: Page) -> None:
     begin = page.get_by_role("button", name="Begin: Closing the loop")
     if begin.count():
         begin.click()
-        page.get_by_text("1 of 8 checks have ticked.").wait_for()
+        page.get_by_text("1 of 8 checks are ticked.").wait_for()
         page.get_by_label("Answer").first.fill("0")
         page.get_by_role("button", name="Answer").first.click()
-        page.get_by_text("2 of 8 checks have ticked.").wait_for()
+        page.get_by_text("2 of 8 checks are ticked.").wait_for()
         for toast in page.locator(".q-notification").all():
             toast.wait_for(state="detached")
     page.evaluate("window.scrollTo(0, 0)")

@@ -68,7 +68,7 @@ def test_one_operation_makes_type_slot_and_offers_and_lets_the_part_in(tmp_path:
         assert says.described is not None
         assert says.described.part_type.name == "Weather vane"
         assert part.state is JoinState.REFUSED
-        assert any("it says what it is: Weather vane" in line for line in stage.master.why("VANE-1"))
+        assert any("it describes itself: Weather vane" in line for line in stage.master.why("VANE-1"))
         done = await stage.do.adopt("VANE-1", who="ann")
         assert done.words == (
             "VANE-1 (Weather vane) is in the library now, as the part describes it, and has slot vane_1"

@@ -1,4 +1,4 @@
-"""How one person does a lesson: which checks have ticked for them, and what is missing. Pure: the time is passed in.
+"""How one person does a lesson: which checks are ticked for them, and what is missing. Pure: the time is passed in.
 
 Theory of operation. Several people may do a lesson at one robot; each has a run of their own. A check is looked at as
 soon as the robot's checks of the steps before it have ticked; a question waits for nobody. Whoever did the last thing

@@ -199,7 +199,7 @@ def _tokens(page: Page) -> None:
     users = {user.name: user for user in service.users(page.session)}
     with panel():
         heading(say("API tokens"))
-        ui.label(say("For programs: shown once, worth as much as a password.")).classes("soft")
+        ui.label(say("For programs. A token is shown once: guard it like a password.")).classes("soft")
         for user in users.values():
             for purpose in user.tokens:
                 with ui.element("div").classes("row spread line"):

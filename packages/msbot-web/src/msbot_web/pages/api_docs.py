@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import re
+
 from fastapi import FastAPI, Request
+from markupsafe import escape
 from nicegui import ui
 
-from msbot_web.html import render
+from msbot_web.html import Markup, render
 from msbot_web.pages.layout import page_frame
 from msbot_web.root_path import base_of
 from msbot_web.service import Service
@@ -34,5 +37,7 @@ def _paths(request: Request) -> dict[str, dict[str, dict[str, object]]]:
     return paths
 
 
-def _words(call: dict[str, object]) -> str:
-    return str(call.get("description") or call.get("summary") or "")
+def _words(call: dict[str, object]) -> Markup:
+    """What a call does, with its arguments as code."""
+    words = str(escape(call.get("description") or call.get("summary") or ""))
+    return Markup(re.sub("`([^`]+)`", r"<code>\1</code>", words))

@@ -60,7 +60,7 @@ def _tiles(page: Page, hostname: str) -> None:
         reach.update(tiles)
         fitting = shown.update(tiles, str(find.value or "").casefold().split())
         well = sum(_state_of(tile)[0] == "active" for tile in fitting)
-        words = page.translate("Robots that are well: {well} of {all}", well=well, all=len(fitting))
+        words = page.translate("Healthy robots: {well} of {all}", well=well, all=len(fitting))
         marks = {tile.blueprint for tile in fitting if tile.blueprint}
         more = page.translate("{count} different blueprints", count=len(marks))
         count.set_text(f"{words} · {more}" if len(marks) > 1 else words)

@@ -86,7 +86,7 @@ class _Findings:
 
 
 WHAT_IT_DOES = {
-    "simulate": "Mend: let a simulated part stand in",
+    "simulate": "Mend: fill the slot with a simulated part",
     "unbind": "Mend: remove this wire",
     "unblock": "Mend: let it in again",
     BACKUP: "Mend: write a backup now",

@@ -42,7 +42,7 @@ class _Form:
         slots = [card.name for card in page.service.robot().slots]
         kinds = {name: f"{name} · {say(kind.words)}" for name, kind in KINDS.items()}
         with panel():
-            heading(say("Let something go wrong"))
+            heading(say("Plant a fault"))
             with ui.element("div").classes("row").style("align-items:flex-start"):
                 self._kind = ui.select(kinds, value="loss", label=say("Fault"), on_change=self._chosen)
                 self._kind.props("dense outlined").style("min-width:min(16rem,100%);max-width:100%")
@@ -94,7 +94,7 @@ class _Form:
 
 
 _WHERE = {
-    "EDGE": "Acts at the agent's edge: on real and on simulated parts.",
+    "EDGE": "Works on real and simulated parts.",
     "GUEST": "A simulated part comes that should not be there; the right one is cut off if it has to be.",
     "SENSOR": "Acts in a part that is simulated in the master's process.",
     "BUS": "Acts on a CAN bus that is simulated in the master's process.",

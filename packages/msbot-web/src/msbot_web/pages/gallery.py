@@ -79,7 +79,7 @@ class _GalleryPage:
             if entry.example and page.may(Right.JOIN):
                 ui.link(say("Example: {name}", name=entry.example), f"/program?name={entry.example}")
             if is_now:
-                ui.label(say("It runs now.")).classes("ms-exhibit-now")
+                ui.label(say("Running now.")).classes("ms-exhibit-now")
             elif self._may:
                 start = ui.button(say("Start"), icon="play_arrow", on_click=partial(change, page, entry.choice))
                 start.props["aria-label"] = f"{say('Start')}: {title}"

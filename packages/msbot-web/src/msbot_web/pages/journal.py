@@ -77,9 +77,7 @@ def _people(page: Page) -> None:
         table.clear()
         with table:
             if not edits:
-                ui.label(
-                    page.translate("Nobody has changed anything yet. Change a setting: it shows here, with its undo.")
-                )
+                ui.label(page.translate("Nobody has changed anything yet. Changes appear here, with their undo."))
             for edit in edits:
                 with (
                     ui.element("div")

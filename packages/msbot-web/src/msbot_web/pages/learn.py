@@ -116,7 +116,7 @@ class _LessonList:
                         ui.label(" · ".join(about)).classes("soft num")
                         before = ", ".join(titles.get(name, name) for name in lesson.needs)
                         if before:
-                            ui.label(say("do before: {lessons}", lessons=before)).classes("soft")
+                            ui.label(say("first do: {lessons}", lessons=before)).classes("soft")
                     if page.may(Right.DESIGN) and nothing_runs:
                         begin = ui.button(say("Begin"), icon="play_arrow", on_click=partial(self._begin, lesson))
                         begin.props("outline")
@@ -167,7 +167,7 @@ class _Progress:
 
 
 def _shares(page: Page, row: LessonProgress) -> list[str]:
-    """By whose hands a person's checks have ticked, in sentences."""
+    """By whose hands a person's checks are ticked, in sentences."""
     count = page.language.count
     partners = ", ".join(row.partners)
     found = [

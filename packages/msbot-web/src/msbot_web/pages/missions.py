@@ -195,7 +195,7 @@ class _Missions:
                         await page.act("start_mission", mission=name, toml=text, seed=seed.number)
 
                 ui.button(say("Start"), icon="play_arrow", on_click=start)
-                file_button(page, say("Mission of a file"), taken, max_size=MOST_TEXT, ending=".toml")
+                file_button(page, say("Mission from a file"), taken, max_size=MOST_TEXT, ending=".toml")
             words = ui.label("").style("margin-top:.6rem;max-width:60rem")
             needs = ui.label("").classes("soft")
 

@@ -14,7 +14,7 @@ from msbot_web.html import Markup, render
 if TYPE_CHECKING:
     from msbot_web.pages.page import Page
 
-END_WITH_MASTER = "What is simulated here ends with the master: simulate it again when it has started anew."
+END_WITH_MASTER = "Simulated parts end with the master: simulate them again after its next start."
 
 
 def set_html(element: ui.html, content: Markup) -> None:

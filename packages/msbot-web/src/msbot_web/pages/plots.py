@@ -204,7 +204,7 @@ class _Plots:
             ui.label(
                 page.translate(
                     "Wheel: zoom; drag: earlier and later. With the keyboard: arrows move the cursor, with Shift the time, "
-                    "+ and - zoom, space holds and goes on."
+                    "+ and - zoom, Space pauses and continues."
                 )
             ).classes("soft hide-phone").style("font-size:.82rem")
         with ui.element("div").classes("panel"):

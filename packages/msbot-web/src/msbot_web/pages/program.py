@@ -100,7 +100,7 @@ class _ProgramPage:
                 # Until the page has been told which program it is: what was typed before it was loaded anew comes then,
                 # and would take the place of what is typed earlier.
                 with ui.element("div").classes("ms-prog-text").props("inert"):
-                    self._editor = Editor("", language="Python", family="github").classes("ms-prog-editor")
+                    self._editor = Editor("", language="Python").classes("ms-prog-editor")
                     self._editor.props("disable")  # until there is a program in it, which would replace what was typed
                     self._blocks.lay_out_note()
                 ui.html(render("console", say=say), sanitize=False).classes("w-full ms-prog-console")

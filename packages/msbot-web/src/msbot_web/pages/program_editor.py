@@ -19,11 +19,9 @@ if TYPE_CHECKING:
     from nicegui.elements.codemirror.constants import SUPPORTED_THEMES
 
 
-_COLOURS: dict[str, tuple[SUPPORTED_THEMES, SUPPORTED_THEMES]] = {
-    "basic": ("basicLight", "basicDark"),
-    "github": ("githubLight", "githubDark"),
-}
-"""Of the text, by day and by night."""
+_LIGHT: SUPPORTED_THEMES = "githubLight"
+_DARK: SUPPORTED_THEMES = "githubDark"
+"""Colours of the text whose contrast is enough to be read; that of CodeMirror's own light ones is not."""
 
 
 class Editor(ui.codemirror):
@@ -34,20 +32,17 @@ class Editor(ui.codemirror):
     Args:
         text: what is in it at first.
         language: of the text.
-        family: of the colours.
     """
 
-    def __init__(self, text: str, *, language: Literal["Python", "TOML"], family: Literal["basic", "github"]) -> None:
+    def __init__(self, text: str, *, language: Literal["Python", "TOML"]) -> None:
         self._is_new = True
-        self._colours = _COLOURS[family]
-        super().__init__(text, language=language, theme=self._colours[0])
+        super().__init__(text, language=language, theme=_LIGHT)
         self.on("update:value", js_handler=f"() => msbotTyped({self.id})")
         ui.on("ms_look", self._look)
         ui.run_javascript("msbotLook()")
 
     def _look(self, event: GenericEventArguments) -> None:
-        light, dark = self._colours
-        self.theme = dark if event.args is True else light
+        self.theme = _DARK if event.args is True else _LIGHT
 
     def _handle_value_change(self, value: str) -> None:
         # What the browser has told is no news to it.

@@ -56,7 +56,7 @@ class _PupilProgramView:
                 self._hold = ui.button(say("Stop"), icon="stop", on_click=self._end).props("outline")
                 self._back = ui.button(say("Hand back"), icon="undo", on_click=self._hand_back).props("outline")
         self._state = ui.label("").classes("soft").props("role=status")
-        self._editor = Editor("", language="Python", family="github").classes("ms-prog-editor w-full")
+        self._editor = Editor("", language="Python").classes("ms-prog-editor w-full")
         self._editor.set_enabled(False)
         page.every_look(self._look)
 

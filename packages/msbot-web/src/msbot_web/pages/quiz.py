@@ -77,7 +77,7 @@ class _Quiz:
         say = page.translate
         with panel().style("display:flex;flex-direction:column;gap:.6rem;max-width:60rem"):
             with ui.element("div").classes("row spread"):
-                sources = {MADE_UP: say("made up")}
+                sources = {MADE_UP: say("random")}
                 if page.sight.bus().watched:
                     sources[OF_THE_BUS] = say("from this robot's bus")
                 self._source = ui.select(sources, value=MADE_UP, label=say("Bytes and frames"))
@@ -97,7 +97,7 @@ class _Quiz:
             self._result = ui.html("", sanitize=False).classes("w-full").props("role=status aria-live=polite")
             ui.label(
                 say(
-                    "Seed {seed}: who opens {address} gets the same made-up questions.",
+                    "Seed {seed}: who opens {address} gets the same random questions.",
                     seed=seed,
                     address=f"/learn/quiz?seed={seed}",
                 )

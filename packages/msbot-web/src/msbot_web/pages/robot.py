@@ -37,6 +37,9 @@ from msbot_web.robot_view import OfRobot
 from msbot_web.service import Service
 from msbot_web.svg.drawings import state_chip
 
+NOT_SAID = "-"
+"""What a blueprint has that names no manufacturer."""
+
 MANY = 12
 """With more slots than this, there is a field that leaves only some of the cards."""
 
@@ -74,12 +77,15 @@ def _summary(page: Page) -> None:
             for state, count in counts.items()
         ]
         links = [page.translate(link) for link in robot.links]  # one of them is no address: "simulated here"
-        words = [word for word in (robot.version, robot.serial_number, robot.manufacturer, *links) if word]
+        version = page.translate("version {version}", version=robot.version)
+        serial_number = page.translate("serial number {number}", number=robot.serial_number)
+        manufacturer = "" if robot.manufacturer == NOT_SAID else robot.manufacturer
+        words = [word for word in (version, serial_number, manufacturer, *links) if word]
         hint = ""
         if robot.slots and set(counts) == {"empty"} and not page.is_past:
             hint = page.translate(
                 "Nothing is plugged in yet. Plug a part in, start one ({command} in a terminal), or open a "
-                "card and let a simulated part stand in.",
+                "card and simulate its part.",
                 command=f"msbot part {robot.slots[0].part_number}",
             )
         content = render("summary", words=" · ".join(words), chips=chips, hint=hint)

@@ -106,7 +106,7 @@ async def _blueprint(page: Page) -> None:
     with ui.element("div").classes("panel"):
         heading("robot.toml")
         ui.label(say("Edit, look at what would change, then apply.")).classes("soft")
-        editor = Editor(text, language="TOML", family="basic").style("height:24rem;border:1px solid var(--line)")
+        editor = Editor(text, language="TOML").style("height:24rem;border:1px solid var(--line)")
         editor.line_wrapping = True
         changes = ui.html("", sanitize=False).classes("w-full").props("aria-live=polite")
 

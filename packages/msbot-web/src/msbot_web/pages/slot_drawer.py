@@ -63,9 +63,9 @@ def manual_control_panel(page: Page, slot: str, part_number: str) -> None:
         ui.label(page.translate("Drive by hand")).props("role=heading aria-level=2").style(
             "font-weight:650;font-size:1.1rem"
         )
-        ui.label(page.translate("The wire is not heard meanwhile. Afterwards the port gets its safe value.")).classes(
-            "soft"
-        )
+        ui.label(
+            page.translate("Meanwhile messages from the wire are ignored. Afterwards the port gets its safe value.")
+        ).classes("soft")
         for port in ports:
             assert port.message is not None
             _PortControl(page, slot, port, port.message)
@@ -224,7 +224,7 @@ def open_slot_drawer(page: Page, slot: str) -> None:
         return
     with ui.dialog().props("position=right full-height") as dialog, ui.card().classes("ms-drawer"):
         with ui.element("div").classes("row spread w-full").style("flex-wrap:nowrap"):
-            heading(slot).classes("ellipsis").style("font-size:1.35rem")
+            heading(slot).style("font-size:1.35rem;min-width:0;overflow-wrap:anywhere")
             close = ui.button(icon="close", on_click=dialog.close).props("flat round dense")
             close.props["aria-label"] = close.props["title"] = page.translate("Close")
         if page.is_past:
@@ -314,7 +314,9 @@ def _state(page: Page, slot: str) -> None:
             rows += [
                 (
                     page.translate("last beat"),
-                    "–" if part.beat_age_s is None else f"{page.number(part.beat_age_s, '.1f')} s",
+                    "–"
+                    if part.beat_age_s is None
+                    else page.translate("{age} s ago", age=page.number(part.beat_age_s, ".1f")),
                 ),
             ]
             if part.plug_in_to_active_ms is not None:

@@ -61,8 +61,7 @@ class _Drawing:
                 hint = ui.label(
                     page.translate(
                         "Drag from one port to another, or click one after the other, or press Enter on both: ports that "
-                        "fit light up. Delete takes a port off its topic, the cross a slot out of the robot. The journal "
-                        "undoes each change."
+                        "fit light up. Delete disconnects a port, the cross removes a slot. The journal undoes each change."
                     )
                 ).classes("soft")
                 self._only_now.append(hint)

@@ -35,11 +35,11 @@ STATE_ICONS = {
 
 
 HELD_WORDS = {
-    "stopped": "stopped: it applies its safe values",
+    "stopped": "stopped: at its safe values",
     "unconfirmed": "STOP not confirmed: it may still move",
     "partner lost": "partner lost: it applies its safe values",
     "by hand": "driven by hand: its wire is not heard",
-    "gone": "nobody is there who hears it",
+    "gone": "no part receives it",
 }
 """Why a part does not do what it was told, by `PortLine.held`."""
 

@@ -31,7 +31,7 @@ _ROW = 30
 
 def bars_svg(lanes: Sequence[TimelineLane], span_s: float, language: Language, *, is_narrow: bool = False) -> Markup:
     """The states of slots over the last `span_s` seconds, now at the right; narrow for a phone."""
-    width, left, ticks = (380, 84, 3) if is_narrow else (_WIDTH, 130, _TICKS)
+    width, left, ticks = (380, 96, 3) if is_narrow else (_WIDTH, 160, _TICKS)
     room = width - left - 10
     letters = 10 if is_narrow else 16
     rows = [
@@ -122,7 +122,7 @@ class _Form:
         return (self.width - self.topic) // 2
 
 
-_BY_MOUSE = _Form(1000, 10, 790, 200, 270, 30, 26, "40rem", 32)
+_BY_MOUSE = _Form(1000, 10, 790, 200, 270, 30, 26, "54rem", 32)
 _BY_FINGER = _Form(696, 4, 524, 168, 228, _FINGER, _FINGER, "696px", 26)
 """As narrow as a tablet that is held upright."""
 
@@ -162,8 +162,7 @@ def wiring_svg(
     sources = _column([port for port in ports if port.publishes], states, form.left, language, form)
     targets = _column([port for port in ports if not port.publishes], states, form.right, language, form)
     height = max(sources.height, targets.height, len(topics) * _TOPIC, 1) + _GAP
-    step = height / max(len(topics), 1)
-    middle = {topic.topic: step * (number + 0.5) for number, topic in enumerate(topics)}
+    middle = _middles(topics, sources.at, targets.at, height)
     wires = []
     for topic in topics:
         y = middle[topic.topic]
@@ -193,6 +192,26 @@ def wiring_svg(
             for topic in topics
         ],
     )
+
+
+def _middles(
+    topics: Sequence[TopicLine], sources: Mapping[str, float], targets: Mapping[str, float], height: float
+) -> dict[str, float]:
+    """Where each topic is, down the drawing: as near to the middle of its ports as the others leave room."""
+    wished = []
+    for number, topic in enumerate(topics):
+        ends = [sources[end] for end in topic.publishers if end in sources]
+        ends += [targets[end] for end in topic.subscribers if end in targets]
+        wished.append((sum(ends) / len(ends) if ends else height, number))
+    wished.sort()
+    placed: list[float] = []
+    for wish, _ in wished:
+        placed.append(max(wish, placed[-1] + _TOPIC if placed else _TOPIC / 2))
+    most = height - _TOPIC / 2
+    for place in range(len(placed) - 1, -1, -1):
+        placed[place] = min(placed[place], most)
+        most = placed[place] - _TOPIC
+    return {topics[number].topic: y for (_, number), y in zip(wished, placed, strict=True)}
 
 
 def rate_words(topic: TopicLine, language: Language, *, is_past: bool = False) -> str:
@@ -239,7 +258,7 @@ def _column(ports: Sequence[WirePort], states: Mapping[str, str], x: int, langua
                 "y": round(top),
                 "height": height,
                 "full": slot,
-                "name": shortened(slot, form.box // 12),
+                "name": shortened(slot, form.box // 14),
                 "colour": box_colour(states.get(slot, "empty")),
                 "ports": lines,
                 "take_out": language.translate("Take slot {slot} out", slot=slot),

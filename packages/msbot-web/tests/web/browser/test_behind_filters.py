@@ -65,7 +65,7 @@ def test_where_no_websocket_passes_a_page_lives_by_long_polling(
     visitor.get_by_role("button", name="Plug knob in").click()
     expect(visitor.get_by_role("button", name="Unplug knob")).to_be_visible()
     visitor.locator("#ms-stop").click()
-    expect(visitor.locator("#ms-stop-says")).to_have_text(re.compile(r"STOP is said to all parts\. \(\d+ ms\)"))
+    expect(visitor.locator("#ms-stop-says")).to_have_text(re.compile(r"STOP was sent to all parts\. \(\d+ ms\)"))
     visitor.get_by_role("button", name="Go on").click()
     expect(visitor.get_by_text("STOP by")).to_have_count(0)
     visitor.wait_for_function(f"!{DEAD}")
@@ -76,7 +76,7 @@ def test_a_connection_that_never_comes_up_is_no_life_and_stop_works(visitor: Pag
     visitor.wait_for_function(DEAD)
     expect(visitor.locator("#ms-lost")).to_contain_text("lets neither WebSockets nor long polling pass")
     visitor.locator("#ms-stop").click()
-    expect(visitor.locator("#ms-stop-says")).to_have_text(re.compile(r"STOP is said to all parts\. \(\d+ ms\)"))
+    expect(visitor.locator("#ms-stop-says")).to_have_text(re.compile(r"STOP was sent to all parts\. \(\d+ ms\)"))
     # It goes on trying, and where it works again it lives.
     visitor.goto(ways.passed_on)
     visitor.wait_for_function(f"{LIVE} && !{DEAD}")

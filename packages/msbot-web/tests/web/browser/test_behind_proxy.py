@@ -110,7 +110,7 @@ def test_the_page_lives_and_its_cookies_are_of_the_folder_and_secure(visitor: Vi
     cookies = [one for one in page.context.cookies() if one["name"].startswith("msbot_session")]
     assert [(one["secure"], one["httpOnly"], one["path"]) for one in cookies] == [(True, True, "/rex")]
     page.locator("#ms-stop").click()
-    expect(page.locator("#ms-stop-says")).to_have_text(re.compile(r"STOP is said to all parts\. \(\d+ ms\)"))
+    expect(page.locator("#ms-stop-says")).to_have_text(re.compile(r"STOP was sent to all parts\. \(\d+ ms\)"))
     page.get_by_role("button", name="Go on").click()
     expect(page.get_by_text("STOP by")).to_have_count(0)
     page.get_by_role("button", name="Open slot knob").click()

@@ -233,7 +233,7 @@ class Learner:
         page.get_by_role("button", name="Take part").click()
 
     def expect_ticks(self, number: int, patience_ms: float = WORK_MS) -> None:
-        expect(self.page.get_by_text(f"{number} of 8 checks have ticked.")).to_be_visible(timeout=patience_ms)
+        expect(self.page.get_by_text(f"{number} of 8 checks are ticked.")).to_be_visible(timeout=patience_ms)
 
     def answer(self, words: str) -> None:
         """Answer the first question that is open."""

@@ -43,7 +43,7 @@ def press(page: Page, name: str, seen: str) -> None:
 
 
 def has(page: Page, count: int) -> None:
-    """How many checks have ticked for a pupil, as the lesson beside the robot says."""
+    """How many checks are ticked for a pupil, as the lesson beside the robot says."""
     expect(page.get_by_role("complementary", name="Lesson")).to_contain_text(f"{count}/8")
 
 
@@ -59,7 +59,7 @@ def test_a_class_of_three_is_graded_to_the_tick(blank: Page, demo: Site, browser
     for name, width in (("ada", 1280), ("ben", 390), ("cleo", 820)):
         page = signed_in(browser, demo, name, width, "/learn")
         page.get_by_role("button", name="Take part").click()
-        expect(page.get_by_text("1 of 8 checks have ticked.")).to_be_visible()
+        expect(page.get_by_text("1 of 8 checks are ticked.")).to_be_visible()
         go(page, demo.base)
         pupils[name] = page
     ada, ben, cleo = pupils.values()

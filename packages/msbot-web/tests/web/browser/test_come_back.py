@@ -151,7 +151,7 @@ def test_a_page_that_is_refused_has_stop_and_comes_back_by_itself(tab: Page, rob
             if refused.count():
                 break
         tab.locator("#ms-stop").click()
-        expect(tab.locator("#ms-stop-says")).to_have_text(re.compile(r"STOP is said to all parts\. \(\d+ ms\)"))
+        expect(tab.locator("#ms-stop-says")).to_have_text(re.compile(r"STOP was sent to all parts\. \(\d+ ms\)"))
     address = tab.url
     tab.wait_for_function(LIVE)
     assert tab.url == address

@@ -477,7 +477,7 @@ def test_a_mission_is_started_answered_and_reported(blank: Page, demo: Site) -> 
         '[[fault]]\nkind = "slow-consumer"\nat = "fan"\n'
     )
     with page.expect_file_chooser() as chosen:
-        page.get_by_role("button", name="Mission of a file").click()
+        page.get_by_role("button", name="Mission from a file").click()
     chosen.value.set_files({"name": "deaf.toml", "mimeType": "application/toml", "buffer": toml.encode()})
     expect(page.get_by_text("Who is deaf?", exact=True)).to_be_visible()
     go(page, f"{demo.base}/faults")

@@ -261,7 +261,7 @@ def test_arrivals_shows_what_it_says_as_text_and_why_it_is_refused(visit: Callab
             expect(card).to_contain_text(words)
             expect(card.get_by_role("button", name="Adopt", exact=True)).to_have_count(0)
         else:
-            expect(card).to_contain_text("It says what it is: Glow <b>worm</b>")
+            expect(card).to_contain_text("It describes itself: Glow <b>worm</b>")
             expect(card).to_contain_text("most = 80.0 % (0 … 100)")
             expect(card).to_contain_text("mood → · Mood (warmth K)")
             expect(card).not_to_contain_text("library file")

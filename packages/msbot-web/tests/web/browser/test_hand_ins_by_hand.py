@@ -65,7 +65,7 @@ def test_handed_in_returned_and_read_by_nobody_else(blank: Page, demo: Site, bro
     ada.get_by_role("button", name="Take part").tap()
     ada.get_by_label("Answer").first.fill("10 slots")
     ada.get_by_role("button", name="Answer").first.tap()
-    expect(ada.get_by_text("2 of 8 checks have ticked.")).to_be_visible()
+    expect(ada.get_by_text("2 of 8 checks are ticked.")).to_be_visible()
     assert call(ada, "PUT", "/api/programs/lamp.py", {"text": PROGRAM}) == 200
     ada.get_by_role("button", name="Hand in", exact=True).tap()
     dialog = ada.get_by_role("dialog")

@@ -44,7 +44,7 @@ def robot(learn: Page, demo: Site) -> Iterator[Page]:
 
 
 def ticked(page: Page, number: int, patience_ms: float = PATIENCE_MS) -> None:
-    expect(page.get_by_text(f"{number} of 8 checks have ticked.")).to_be_visible(timeout=patience_ms)
+    expect(page.get_by_text(f"{number} of 8 checks are ticked.")).to_be_visible(timeout=patience_ms)
 
 
 def button(page: Page, name: str) -> Locator:

@@ -251,7 +251,7 @@ def test_a_class_comes_in_by_code_name_and_pictures(browser: Browser, site: Site
     code = teacher.locator(".q-dialog .mono").first.inner_text()
     newcomer = new_page(browser, width=320, height=700)
     newcomer.goto(f"{site.base}/login")
-    newcomer.get_by_role("link", name="Come in with a code of the class").click()
+    newcomer.get_by_role("link", name="Sign in with a class code").click()
     newcomer.get_by_label("Code of the class").fill(code.lower())
     newcomer.keyboard.press("Enter")
     expect(newcomer.get_by_label("Your name")).to_be_visible()

@@ -39,7 +39,7 @@ def test_stop_tells_who_confirmed_it_and_the_cards_show_what_the_parts_do(page: 
     fan = page.get_by_role("button", name="Open slot fan")
     expect(fan).to_contain_text("active")
     page.locator("#ms-stop").click()
-    expect(page.locator("#ms-stop-says")).to_have_text(re.compile(r"STOP is said to all parts\. \(\d+ ms\)"))
+    expect(page.locator("#ms-stop-says")).to_have_text(re.compile(r"STOP was sent to all parts\. \(\d+ ms\)"))
     expect(page.get_by_text("parts have confirmed that they are in their safe state")).to_be_visible()
     told, banner = (page.locator(which).bounding_box() for which in ("#ms-stop-says", ".ms-banner.bad >> visible=true"))
     assert told is not None
@@ -47,7 +47,7 @@ def test_stop_tells_who_confirmed_it_and_the_cards_show_what_the_parts_do(page: 
     assert told["y"] >= banner["y"] + banner["height"], "what was said covers neither who said it nor the way back"
     page.get_by_text("Confirmed by").click()
     expect(page.get_by_text(re.compile(r"^fan \d+ ms"))).to_be_visible()
-    expect(fan).to_contain_text("stopped: it applies its safe values")
+    expect(fan).to_contain_text("stopped: at its safe values")
     expect(fan).to_contain_text(re.compile(r"percent\s+0"))
     press_go(page)
     expect(fan).not_to_contain_text("stopped")
@@ -239,7 +239,13 @@ def test_a_master_that_is_frozen_or_gone_is_seen_and_stop_says_so(browser: Brows
         # It went on trying.
         expect(page.get_by_text("STOP by demo")).to_be_visible()
         process.send(signal.SIGSTOP)
-        # By keyboard: an alarm lies over it. In one turn with the look: the page must be grey still.
+        page.wait_for_function(DEAD)
+        # The alarm covers nothing of who said STOP.
+        alarm, banner = page.locator(".ms-alarms").bounding_box(), page.get_by_text("STOP by demo").bounding_box()
+        assert alarm is not None
+        assert banner is not None
+        assert alarm["y"] + alarm["height"] <= banner["y"]
+        # In one turn with the look: the page must be grey still.
         page.wait_for_function(f"{DEAD} && ({GO_ON}.click(), true)")
         process.send(signal.SIGCONT)
         page.wait_for_function(f"!{DEAD}")

@@ -43,7 +43,7 @@ def test_what_was_before_the_time_shown_is_left_out_or_cut() -> None:
     root = read(bars_svg([TimelineLane(slot="fan", spans=[span(900, 100), span(100, 50), span(50, 0)])], 60.0, same))
     cut, whole = root.findall(".//{*}rect")
     assert float(cut.attrib["x"]) < float(whole.attrib["x"])
-    assert float(cut.attrib["x"]) == 130
+    assert float(cut.attrib["x"]) == 160
 
 
 @settings(deadline=None)

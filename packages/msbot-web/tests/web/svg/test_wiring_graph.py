@@ -108,3 +108,21 @@ def test_ports_of_services_say_what_they_do() -> None:
         "eye.photo (Angle -> Text): serves photo",
         "brain.look (Angle -> Text): calls photo",
     ]
+
+
+def test_a_topic_is_drawn_beside_its_ports() -> None:
+    """In a robot of many slots a wire is on the screen with its slots, and no topic covers another."""
+    lines = [topic(f"t{number}", [f"{number:02d}.out"], [f"{number:02d}.in"]) for number in (0, 1, 40)]
+    wired = {(port.slot, port.publishes): port for port in ports_of(*lines)}
+    ports = [
+        wired.get((f"{number:02d}", way))
+        or WirePort(slot=f"{number:02d}", port="out" if way else "in", type_name="Level", publishes=way)
+        for number in range(60)
+        for way in (True, False)
+    ]
+    (drawing,) = read(wiring_svg(lines, ports, {}, ENGLISH))
+    at = {text.get("data-rate"): float(text.get("y", "")) for text in drawing.findall(".//{*}text[@data-rate]")}
+    height = float(drawing.get("viewBox", "").split()[3])
+    assert at["t0"] < at["t1"] < height / 10
+    assert at["t1"] - at["t0"] >= 64
+    assert height / 2 < at["t40"] < height * 0.75

@@ -101,7 +101,7 @@ class SelfDescriptions:
         record.says = result
         words = said("what it says of itself is refused: {fault}", fault=result.fault)
         if result.described is not None:
-            words = said("it says what it is: {name}; a person can adopt it", name=result.described.part_type.name)
+            words = said("it describes itself: {name}; a person can adopt it", name=result.described.part_type.name)
         self._changes.note(record, now, words)
         self._changes.publish()
 
