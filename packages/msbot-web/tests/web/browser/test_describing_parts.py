@@ -263,7 +263,7 @@ def test_arrivals_shows_what_it_says_as_text_and_why_it_is_refused(visit: Callab
         else:
             expect(card).to_contain_text("It describes itself: Glow <b>worm</b>")
             expect(card).to_contain_text("most = 80.0 % (0 … 100)")
-            expect(card).to_contain_text("mood → · Mood (warmth K)")
+            expect(card).to_contain_text("mood → Mood (warmth K)")
             expect(card).not_to_contain_text("library file")
             assert card.locator("b", has_text="worm").count() == 0, "as data"
             assert hurdles(tray, dark=False) == []
