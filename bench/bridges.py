@@ -5,8 +5,10 @@ python -m bench.bridges [--write]
 For each world on CAN a device that reports 10 times a second, in a process of its own, first at a bridge with its
 master, then at the world's own library doing what its own tools do; not at both at once, because a CANopen node answers
 one of them only. The simulated bus, and a node that acknowledges, are in other processes, so that they are not counted.
-The library of CANopen finds nodes by its scanner, and then has their identity read; that of DroneCAN by its node
-monitor, that of Cyphal by its node tracker, which also notice their loss. They take in what the device reports.
+The library of CANopen finds nodes by its scanner, and then has their identity read. That of DroneCAN has its node
+monitor and the allocator of node ids that gui_tool runs; that of Cyphal its node tracker, on which `yakut monitor` is
+built, and its allocator: they also notice a loss. All take in what the device reports. Nodes without an id, which ask
+the one or the other for it, are the libraries' own; they do not wait between their questions.
 """
 
 from __future__ import annotations
@@ -41,12 +43,19 @@ from msbot_bridges.makers import write_sample
 
 TIMES = 3
 """A device is plugged in so often; each time another one."""
-REST_S = 5.0
+REST_S = 4.0
+LONGEST_S = 12
+"""So long a process may take until it has loaded what it needs; on a busy computer it never seems to have."""
 LOOK_S = 0.005
 FIRST_NODE = 10
 NATIVE_LOSS = "lost"
 LISTENER = "listener"
 READY = "ready"
+ASKED, GIVEN = "asked", "given"
+ASK = "ask-"
+"""Before the name of a world: a process with a node that has no id."""
+PIECE = 6
+"""Octets of its unique id that a node of DroneCAN says at a time."""
 
 
 @dataclass(frozen=True)
@@ -66,6 +75,8 @@ class Case:
     """The library alone, until it is killed; tells by lines."""
     notices_loss: bool
     """The library does."""
+    ask: Callable[[str], None] | None = None
+    """A node without an id asks for one, and tells when."""
 
 
 @dataclass
@@ -79,6 +90,8 @@ class Figures:
     stop: list[float] = field(default_factory=list)
     idle: float = 0.0
     native_idle: float = 0.0
+    given: list[float] = field(default_factory=list)
+    native_given: list[float] = field(default_factory=list)
     busy: list[float] = field(default_factory=list)
     native_busy: list[float] = field(default_factory=list)
 
@@ -108,8 +121,9 @@ def native_canopen(bus: str) -> None:
 
 
 def native_dronecan(bus: str) -> None:
-    """Monitor nodes, take in what they report."""
+    """Monitor nodes, give them ids, take in what they report."""
     import dronecan
+    from dronecan.app.dynamic_node_id import CentralizedServer
     from dronecan.app.node_monitor import NodeMonitor
 
     from msbot_bridges.dronecan.can_driver import PythonCanDriver
@@ -125,6 +139,7 @@ def native_dronecan(bus: str) -> None:
                 told(NATIVE_LOSS, event.entry.node_id)
 
     monitor.add_update_handler(update)
+    CentralizedServer(node, monitor)
     node.add_handler(dronecan.uavcan.equipment.actuator.Status, lambda _event: None)  # it was decoded by then
     told(READY, 0)
     while True:
@@ -132,7 +147,7 @@ def native_dronecan(bus: str) -> None:
 
 
 def native_cyphal(bus: str) -> None:
-    """Track nodes, as `yakut monitor` does."""
+    """Track nodes, as `yakut monitor` does, and give them ids."""
     asyncio.run(track_cyphal(bus))
 
 
@@ -143,6 +158,7 @@ async def track_cyphal(bus: str) -> None:
     await load_types()
     import pycyphal.application
     from pycyphal.application.node_tracker import NodeTracker
+    from pycyphal.application.plug_and_play import CentralizedAllocator
     from pycyphal.transport.can import CANTransport
 
     from msbot_bridges.cyphal.can_media import PythonCanMedia
@@ -164,9 +180,80 @@ async def track_cyphal(bus: str) -> None:
             elif now.info is not None and before is not None:
                 told("found", node_id)
 
-    NodeTracker(node).add_update_handler(update)
+    tracker = NodeTracker(node)
+    tracker.add_update_handler(update)
+    allocator = CentralizedAllocator(node)
+    tracker.add_update_handler(
+        lambda number, _before, now: allocator.register_node(
+            number, None if now is None or now.info is None else bytes(now.info.unique_id)
+        )
+    )
     told(READY, 0)
     await asyncio.Event().wait()
+
+
+def ask_dronecan(bus: str) -> None:
+    """A node asks for an id, by the three messages of the protocol."""
+    import dronecan
+
+    from msbot_bridges.dronecan.can_driver import PythonCanDriver
+
+    driver, unique = PythonCanDriver(open_bus(bus)), os.urandom(16)
+    node = dronecan.node.Node(driver, None)
+
+    def say(octets: bytes, *, is_first: bool) -> None:
+        question = dronecan.uavcan.protocol.dynamic_node_id.Allocation(first_part_of_unique_id=is_first)
+        question.unique_id.from_bytes(octets)
+        transfer = dronecan.transport.Transfer(payload=question, source_node_id=0, discriminator=os.getpid() & 0x3FFF)
+        for frame in transfer.to_frames():
+            driver.send(frame.message_id, frame.bytes, extended=True)
+
+    given: list[int] = []
+
+    def answered(event: Any) -> None:  # noqa: ANN401
+        known = bytes(event.message.unique_id.to_bytes())
+        if event.transfer.source_node_id and unique.startswith(known):
+            if len(known) < len(unique):
+                say(unique[len(known) :][:PIECE], is_first=False)
+            else:
+                given.append(event.message.node_id)
+
+    node.add_handler(dronecan.uavcan.protocol.dynamic_node_id.Allocation, answered)
+    told(ASKED, 0)
+    say(unique[:PIECE], is_first=True)
+    node.periodic(1.0, lambda: say(unique[:PIECE], is_first=True))
+    while not given:
+        node.spin(0.005)
+    told(GIVEN, 0)
+
+
+def ask_cyphal(bus: str) -> None:
+    """The same of Cyphal, with the library's own."""
+    asyncio.run(ask_for_id_of_cyphal(bus))
+
+
+async def ask_for_id_of_cyphal(bus: str) -> None:
+    """The library asks by itself until it has an id."""
+    from msbot_bridges.cyphal.data_types import load_types
+
+    await load_types()
+    from pycyphal.application.plug_and_play import Allocatee
+    from pycyphal.transport.can import CANTransport
+
+    from msbot_bridges.cyphal.can_media import PythonCanMedia
+
+    media = PythonCanMedia(open_bus(bus))
+    send = media.send
+
+    async def sent(*arguments: Any) -> int:  # noqa: ANN401
+        told(ASKED, 0)  # the first of them counts: it waits some time before it asks
+        return await send(*arguments)
+
+    media.send = sent  # type: ignore[method-assign]
+    asking = Allocatee(CANTransport(media, None), os.urandom(16))
+    while asking.get_result() is None:  # noqa: ASYNC110 - it is a measurement
+        await asyncio.sleep(LOOK_S)
+    told(GIVEN, 0)
 
 
 def listen(bus: str) -> NoReturn:
@@ -207,6 +294,7 @@ CASES = (
         lambda can_id, node: can_id >> 8 & 0xFFFF == 341 and can_id & 0x7F == node,
         native_dronecan,
         notices_loss=True,
+        ask=ask_dronecan,
     ),
     Case(
         "cyphal",
@@ -217,6 +305,7 @@ CASES = (
         is_heartbeat_of_cyphal,
         native_cyphal,
         notices_loss=True,
+        ask=ask_cyphal,
     ),
 )
 
@@ -239,7 +328,7 @@ class Native:
     async def when(self, what: str, node: int) -> float:
         """When it has told that of a node."""
         while (what, node) not in self._at:
-            if self._process.poll() is not None:
+            if self._process.poll() not in (None, 0):
                 raise SystemExit("the library alone has ended; what it said is above")
             await asyncio.sleep(LOOK_S)
         return self._at[what, node]
@@ -294,6 +383,7 @@ async def measure_bridge(case: Case, folder: Path, figures: Figures) -> None:
             try:
                 await settled(time.process_time)
                 figures.idle = await busy(time.process_time)
+                figures.given += await asked(case, bus)
                 for number in range(TIMES):
                     await plug_in(case, figures, bus, FIRST_NODE + number, master, operations)
             finally:
@@ -338,6 +428,7 @@ async def measure_native(case: Case, figures: Figures) -> None:
             await native.when(READY, 0)
             await settled(native.processor_s)
             figures.native_idle = await busy(native.processor_s)
+            figures.native_given += await asked(case, bus)
             for number in range(TIMES):
                 node = FIRST_NODE + number
                 async with device(case, bus, node) as begun:
@@ -349,6 +440,18 @@ async def measure_native(case: Case, figures: Figures) -> None:
                     figures.native_lost.append(await native.when(NATIVE_LOSS, node) - at)
         finally:
             native.end()
+
+
+async def asked(case: Case, bus: str) -> list[float]:
+    """How long nodes without an id wait for one."""
+    waits: list[float] = []
+    for _ in range(TIMES if case.ask is not None else 0):
+        node = Native(ASK + case.world, bus)
+        try:
+            waits.append(await node.when(GIVEN, 0) - await node.when(ASKED, 0))
+        finally:
+            node.end()
+    return waits
 
 
 @asynccontextmanager
@@ -381,7 +484,7 @@ async def heard(case: Case, bus: str, node: int) -> float:
 async def settled(processor_s: Callable[[], float]) -> None:
     """Wait until a process has loaded what it needs: no second takes much more than the least so far."""
     seconds: list[float] = []
-    while len(seconds) < 5 or max(seconds[-3:]) > 1.5 * min(seconds) + 0.02:
+    while len(seconds) < 5 or (max(seconds[-3:]) > 1.5 * min(seconds) + 0.02 and len(seconds) < LONGEST_S):
         before = processor_s()
         await asyncio.sleep(1)
         seconds.append(processor_s() - before)
@@ -402,11 +505,17 @@ def table(case: Case, figures: Figures) -> list[str]:
 
     each = 1000 * (median(figures.busy) - figures.idle)
     alone = 1000 * (median(figures.native_busy) - figures.native_idle)
+    given = [
+        f"| from the first question of a node without an id to its id | {ms(one)} | {ms(other)} |"
+        for one, other in [(figures.given, figures.native_given)]
+        if case.ask is not None
+    ]
     return [
         f"| {case.words} | bridge and master | library `{case.library}` alone |",
         "|---|---|---|",
         f"| from its first frame to active; alone: to its identity | {ms(figures.active)} "
         f"| {ms(figures.native_found)} |",
+        *given,
         f"| from the end of its process to lost | {ms(figures.lost)} "
         f"| {ms(figures.native_lost) if figures.native_lost else 'left to its user'} |",
         f"| STOP, until the device has confirmed it | {ms(figures.stop)} | - |",
@@ -426,6 +535,11 @@ def main() -> int:
     wishes = parser.parse_args()
     if wishes.native == LISTENER:
         listen(wishes.bus)
+    if wishes.native and wishes.native.startswith(ASK):
+        ask = next(case for case in CASES if ASK + case.world == wishes.native).ask
+        assert ask is not None
+        ask(wishes.bus)
+        return 0
     if wishes.native:
         next(case for case in CASES if case.world == wishes.native).native(wishes.bus)
         return 0
