@@ -249,7 +249,7 @@ async def ask_for_id_of_cyphal(bus: str) -> None:
         told(ASKED, 0)  # the first of them counts: it waits some time before it asks
         return await send(*arguments)
 
-    media.send = sent  # type: ignore[method-assign]
+    media.send = sent  # type: ignore[method-assign, assignment]
     asking = Allocatee(CANTransport(media, None), os.urandom(16))
     while asking.get_result() is None:  # noqa: ASYNC110 - it is a measurement
         await asyncio.sleep(LOOK_S)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import AsyncIterator, Mapping
 from contextlib import asynccontextmanager
 from pathlib import Path
@@ -19,6 +20,8 @@ pytest.importorskip("canopen")
 from canopen.objectdictionary import ObjectDictionary
 from canopen.objectdictionary.eds import export_eds
 
+import can
+from msbot_bridges.canbus import open_bus
 from msbot_bridges.canopen import objects
 from msbot_bridges.canopen.drive_states import DriveState
 from msbot_bridges.canopen.objects import Entry
@@ -76,6 +79,54 @@ async def test_a_drive_is_found_turns_stops_and_is_missed() -> None:
             device.act("speed", Speed(rpm=-30))
             await reports.until(lambda last: last["turns"] == Speed(rpm=-30))
         assert await host.lost_why.get() == "node 5 has sent no heartbeat for 1 s"
+
+
+async def test_a_drive_is_driven_by_its_torque() -> None:
+    async with world() as (bus, host):
+        drive = SimulatedDrive(bus, has_torque=True)
+        async with in_thread(drive.run_in_thread, drive.end):
+            device = await host.devices.get()
+            torque = next(one for one in device.inputs if one.name == "torque")
+            assert (torque.safe, torque.ranges) == (Level(percent=0), {"percent": (-100.0, 100.0)})
+            assert "torque_slope" in {one.name for one in device.settings}
+            reports = Reports()
+            device.begin(reports)
+            device.act("torque", Level(percent=5))
+            await reports.until(lambda last: last.get("load") == Level(percent=5))
+            assert drive.get(objects.MODE) == objects.PROFILE_TORQUE
+            await reports.until(lambda last: last.get("turns") == Speed(rpm=50))
+            device.stop()
+            await host.until(lambda: not device.not_stopped)
+            assert (drive.rpm, drive.get(objects.TORQUE)) == (0, 0)
+            device.go()
+            device.act("speed", Speed(rpm=20))
+            await reports.until(lambda last: last["turns"] == Speed(rpm=20))
+
+
+async def test_nodes_that_only_seem_to_be_there_hold_up_nobody() -> None:
+    async with world() as (bus, host):
+        ended = threading.Event()
+
+        def seem() -> None:
+            """Heartbeats of a hundred nodes, of which none answers; some send what no answer is."""
+            with open_bus(bus) as phantom:
+                while not ended.wait(0.3):
+                    for node in range(20, 120):
+                        ids = (0x700, 0x580) if node % 10 == 0 else (0x700,)
+                        for identifier in ids:
+                            message = can.Message(arbitration_id=identifier + node, is_extended_id=False, data=b"\x05")
+                            phantom.send(message, timeout=5)
+
+        async with in_thread(seem, ended.set):
+            assert "cannot be asked who it is" in await host.said.get()
+            drive = SimulatedDrive(bus, 5)
+            async with in_thread(drive.run_in_thread, drive.end):
+                device = await host.devices.get()
+                assert device.identity.where == "node 5"
+                device.begin(Reports())
+                device.stop()
+                await host.until(lambda: not device.not_stopped)
+        assert host.said.qsize() < 200, "each is named once"
 
 
 async def test_an_emergency_is_a_fault_in_words_until_it_is_reset() -> None:

@@ -34,8 +34,8 @@ from msbot_xrce.errors import ConfigError, LinkDown
 BEAT_S: Final = 0.25
 """Longest period of the bridge's own heartbeat."""
 _NMT: Final = 0x000
-_SDO_ANSWER, SDO_REQUEST, HEARTBEAT, EMERGENCY = 0x580, 0x600, 0x700, 0x080
-_REPORTS: Final = frozenset({EMERGENCY, 0x180, 0x280, 0x380, 0x480, _SDO_ANSWER, HEARTBEAT})
+SDO_ANSWER, SDO_REQUEST, HEARTBEAT, EMERGENCY = 0x580, 0x600, 0x700, 0x080
+_REPORTS: Final = frozenset({EMERGENCY, 0x180, 0x280, 0x380, 0x480, SDO_ANSWER, HEARTBEAT})
 """What nodes send with the node's id in the identifier."""
 SYNC_ID: Final = 0x080
 SYNC_S: Final = 0.1
@@ -125,6 +125,8 @@ class CanopenBus:
         self._orders = WorldThread(f"CANopen on {address}")
         self._neighbours = Neighbours(address, f"node {OWN_ID}", lambda words: self._orders.tell(partial(say, words)))
         self._questions = WorldThread(f"questions on {address}")
+        self._newcomers = WorldThread(f"newcomers on {address}")
+        """Nodes of which nothing is known hold up no device."""
         self._is_open = asyncio.Event()
 
     async def run(self) -> None:
@@ -134,15 +136,16 @@ class CanopenBus:
             LinkDown: the bus cannot be opened, or has ended.
         """
         sending = asyncio.create_task(self._orders.run(self._main))
-        asking = asyncio.create_task(self._questions.run(self._ask))
+        asking = [asyncio.create_task(one.run(partial(self._ask, one))) for one in (self._questions, self._newcomers)]
         try:
-            await asyncio.wait([sending, asking], return_when=asyncio.FIRST_COMPLETED)
+            await asyncio.wait([sending, *asking], return_when=asyncio.FIRST_COMPLETED)
         finally:
-            asking.cancel()
-            await asyncio.wait([asking])
+            for task in asking:
+                task.cancel()
+            await asyncio.wait(asking)
             sending.cancel()
             await asyncio.wait([sending])
-        for task in (sending, asking):
+        for task in (sending, *asking):
             if not task.cancelled() and (error := task.exception()) is not None:
                 raise error
 
@@ -177,6 +180,10 @@ class CanopenBus:
         """Send a question of LSS, to all devices."""
         self._post(REQUEST_ID, data)
 
+    def probe(self, node_id: int) -> None:
+        """Ask one node who it is, without waiting: an answer is heard as other frames are."""
+        self._post(SDO_REQUEST + node_id, _WHO_ARE_YOU)
+
     def search(self, known: Container[int]) -> None:
         """Ask all node ids who they are, but those that are known: nodes that send no heartbeat answer."""
         unknown = iter([node_id for node_id in range(1, OWN_ID) if node_id not in known])
@@ -202,9 +209,9 @@ class CanopenBus:
                 found = ask_node(self._node(node_id), self._folder)
             except (SdoCommunicationError, SdoAbortedError, SdoRefused, ConfigError, can.CanError) as error:
                 found = f"node {node_id} cannot be asked who it is: {error}"
-            self._questions.tell(partial(then, found))
+            self._newcomers.tell(partial(then, found))
 
-        self._questions.post(ask)
+        self._newcomers.post(ask)
 
     def forget(self, node_id: int) -> None:
         """A node is gone."""
@@ -213,7 +220,7 @@ class CanopenBus:
             if self._network is not None and node_id in self._network:
                 del self._network[node_id]
 
-        self._questions.post(forget)
+        self._newcomers.post(forget)
 
     def set_up(self, device: CanopenDevice) -> None:
         """See `NodeBus`."""
@@ -306,10 +313,11 @@ class CanopenBus:
                 network.send_message(SYNC_ID, b"")
         return max(0.0, self._sync_at - time.monotonic())
 
-    def _ask(self) -> None:
-        while not self._questions.is_ended:
-            self._questions.work()
-            self._questions.wait(1.0)
+    @staticmethod
+    def _ask(thread: WorldThread) -> None:
+        while not thread.is_ended:
+            thread.work()
+            thread.wait(1.0)
 
     def _hear(self, can_id: int, data: bytes) -> None:
         if can_id == BEACON_ID:

@@ -12,7 +12,7 @@ from typing import Final
 
 from msbot_bridges.bridge import World, WorldHost
 from msbot_bridges.canopen import objects
-from msbot_bridges.canopen.canopen_bus import EMERGENCY, HEARTBEAT, CanopenBus
+from msbot_bridges.canopen.canopen_bus import EMERGENCY, HEARTBEAT, SDO_ANSWER, CanopenBus
 from msbot_bridges.canopen.canopen_device import GUARD_MS, CanopenDevice
 from msbot_bridges.canopen.drive_device import DriveDevice
 from msbot_bridges.canopen.eds_folder import EdsFolder
@@ -23,6 +23,9 @@ from msbot_bridges.canopen.node_description import NodeDescription
 LOOK_S: Final = 0.1
 SEARCH_S: Final = 10.0
 """So often all node ids are asked."""
+PROBE_S: Final = 1.0
+"""So often a node that was only heard is asked whether it answers; it costs one frame, and nobody waits."""
+LONGEST_PAUSE_S: Final = 60.0
 ASK_AGAIN_S: Final = 2.0
 """Time after which a node that could not be asked, or of which no part can be made, is asked again."""
 BEATS: Final = 3
@@ -45,6 +48,10 @@ class _Node:
     def __init__(self, node_id: int, now: float) -> None:
         self.node_id = node_id
         self.heard_at = now
+        self.has_answered = False
+        """It has answered a question by SDO: a node that only seems to be there has not, and holds up nobody."""
+        self.pause_s = ASK_AGAIN_S
+        """Until it is asked again; doubled each time."""
         self.ask_at: float | None = now
         """None: it is being asked, or is known."""
         self.poll_at = now
@@ -110,6 +117,9 @@ class CanopenWorld(World):
         if now - node.heard_at > silence:
             what = "no heartbeat" if node.beat_s else "no answer"
             self._lose(node, f"node {node.node_id} has sent {what} for {silence:g} s")
+        elif node.ask_at is not None and now >= node.ask_at and not node.has_answered:
+            node.ask_at = now + PROBE_S
+            self._bus.probe(node.node_id)
         elif node.ask_at is not None and now >= node.ask_at:
             node.ask_at = None
             self._bus.describe(node.node_id, partial(self._described, node))
@@ -130,6 +140,9 @@ class CanopenWorld(World):
             node = self._nodes[node_id] = _Node(node_id, now)
         node.heard_at = now
         service = can_id & 0x780
+        if service == SDO_ANSWER and not node.has_answered:
+            node.has_answered = True
+            node.ask_at = None if node.ask_at is None else now
         if service == HEARTBEAT and data:
             state = data[0] & 0x7F  # the other bit is of node guarding
             if state == BOOT_UP:
@@ -192,7 +205,9 @@ class CanopenWorld(World):
         if self._nodes.get(node.node_id) is not node:
             return
         if isinstance(found, str):
-            node.ask_at = self._loop.time() + ASK_AGAIN_S
+            node.has_answered = False
+            node.ask_at = self._loop.time() + node.pause_s
+            node.pause_s = min(2 * node.pause_s, LONGEST_PAUSE_S)
             if found != node.told:
                 node.told = found
                 self._host.say(found)

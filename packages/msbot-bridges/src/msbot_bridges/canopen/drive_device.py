@@ -1,4 +1,4 @@
-"""A drive (CiA 402): speed and angle in, turns and position out, quick stop."""
+"""A drive (CiA 402): speed, angle and torque in, turns, position and load out, quick stop."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Final
 
 from msbot.part import Message
-from msbot.part.messages.standard import Angle, Speed
+from msbot.part.messages.standard import Angle, Level, Speed
 from msbot_bridges.bridge import DeviceOutput, ForeignDevice, Input
 from msbot_bridges.canopen import objects
 from msbot_bridges.canopen.canopen_device import CanopenDevice, NodeBus, SetUp, watch_each_other
@@ -25,6 +25,7 @@ _TARGET_REACHED: Final = 1 << 10
 _TARGETS: Final = {
     objects.PROFILE_VELOCITY: objects.TARGET_VELOCITY,
     objects.PROFILE_POSITION: objects.TARGET_POSITION,
+    objects.PROFILE_TORQUE: objects.TARGET_TORQUE,
 }
 
 
@@ -40,10 +41,11 @@ class DriveDevice(CanopenDevice):
             for output, is_there in (
                 (DeviceOutput("turns", Speed), facts.has_velocity),
                 (DeviceOutput("position", Angle), facts.has_position),
+                (DeviceOutput("load", Level), facts.has_torque),
             )
             if is_there
         )
-        self.inputs = tuple(_input(mode) for mode in facts.modes)
+        self.inputs = tuple(_input(mode, facts.most_torque) for mode in facts.modes)
         self._mode = facts.modes[0]
         self._targets = dict[Entry, int]()
         self._set_points = SetPoints()
@@ -63,6 +65,7 @@ class DriveDevice(CanopenDevice):
         period = watch_each_other(ask)
         wanted = [objects.STATUSWORD]
         wanted += [objects.VELOCITY] if self._facts.has_velocity else []
+        wanted += [objects.TORQUE] if self._facts.has_torque else []
         wanted += [objects.POSITION] if self._facts.has_position else []
         reports = [
             ask.map_pdo(number, entries, is_sent=True, event_ms=REPORT_MS)
@@ -89,6 +92,8 @@ class DriveDevice(CanopenDevice):
         """See `ForeignDevice`."""
         if isinstance(message, Speed):
             mode, target = objects.PROFILE_VELOCITY, round(message.rpm / self._facts.rpm)
+        elif isinstance(message, Level):
+            mode, target = objects.PROFILE_TORQUE, round(message.percent / objects.THOUSANDTH)
         else:
             assert isinstance(message, Angle), port
             assert self._facts.degrees is not None
@@ -145,6 +150,8 @@ class DriveDevice(CanopenDevice):
             self.report("turns", Speed(rpm=velocity * self._facts.rpm))
         if (position := values.get(objects.POSITION)) is not None and self._facts.degrees is not None:
             self.report("position", Angle(degrees=position * self._facts.degrees))
+        if (torque := values.get(objects.TORQUE)) is not None:
+            self.report("load", Level(percent=torque * objects.THOUSANDTH))
         if (statusword := values.get(objects.STATUSWORD)) is None:
             return
         had_fault = self._state is DriveState.FAULT
@@ -198,7 +205,10 @@ class DriveDevice(CanopenDevice):
         self._set_points.forget()
 
 
-def _input(mode: int) -> Input:
+def _input(mode: int, most_torque: float | None) -> Input:
+    if mode == objects.PROFILE_TORQUE:
+        ranges = {} if most_torque is None else {"percent": (-most_torque, most_torque)}
+        return Input("torque", Level, safe=Level(percent=0), ranges=ranges)
     if mode == objects.PROFILE_VELOCITY:
         return Input("speed", Speed, safe=Speed(rpm=0))
     return Input("angle", Angle)

@@ -32,13 +32,16 @@ class DriveFacts:
     """What is known of a drive."""
 
     modes: tuple[int, ...]
-    """Of those that a bridge uses: profile velocity, profile position."""
+    """Of those that a bridge uses: profile velocity, profile position, profile torque."""
     rpm: float
     """Of the shaft, for one unit of velocity."""
     degrees: float | None
     """Of the shaft, for one unit of position; None: the drive does not say."""
     has_velocity: bool
     has_position: bool
+    has_torque: bool
+    most_torque: float | None
+    """In percent of the rated one; None: the drive does not say."""
 
 
 @dataclass(slots=True)
@@ -96,7 +99,8 @@ def ask_node(node: RemoteNode, folder: EdsFolder) -> NodeDescription | str:
     if profile == DRIVE:
         found.drive = _drive(ask, sheet)
         if not found.drive.modes:
-            return f"node {node.id}: its drive has neither the mode profile velocity nor profile position with a scale"
+            modes = "profile velocity, profile torque, and profile position with a scale"
+            return f"node {node.id}: its drive has none of the modes {modes}"
         settings = list(objects.DRIVE_SETTINGS)
     elif profile == INPUTS_AND_OUTPUTS:
         _mappings_of_profile(ask, found)
@@ -131,12 +135,19 @@ def _drive(ask: SdoRequests, sheet: DataSheet | None) -> DriveFacts:
         if (one := sheet.variable(objects.VELOCITY.index, 0)) is not None and one.unit in ("rpm", "1/min"):
             rpm = float(one.factor)
     modes = [mode for mode in (objects.PROFILE_VELOCITY, objects.PROFILE_POSITION) if supported >> mode - 1 & 1]
+    modes = [mode for mode in modes if mode != objects.PROFILE_POSITION or degrees is not None]
+    # Each mode takes a PDO of its own.
+    if supported >> objects.PROFILE_TORQUE - 1 & 1 and ask.number(Entry(0x1400 + len(modes), 1, 32)) is not None:
+        modes.append(objects.PROFILE_TORQUE)
+    most_torque = ask.number(objects.MAX_TORQUE) if objects.PROFILE_TORQUE in modes else None
     return DriveFacts(
-        tuple(mode for mode in modes if mode != objects.PROFILE_POSITION or degrees is not None),
+        tuple(modes),
         rpm / gear,
         degrees,
         ask.number(objects.VELOCITY) is not None,
         degrees is not None and ask.number(objects.POSITION) is not None,
+        objects.PROFILE_TORQUE in modes and ask.number(objects.TORQUE) is not None,
+        most_torque * objects.THOUSANDTH if most_torque else None,
     )
 
 

@@ -79,6 +79,9 @@ DEVICE_NAME, HARDWARE_VERSION, SOFTWARE_VERSION = 0x1008, 0x1009, 0x100A
 CONTROLWORD: Final = Entry(0x6040, 0, 16)
 STATUSWORD: Final = Entry(0x6041, 0, 16)
 MODE: Final = Entry(0x6060, 0, 8, signed=True)
+TARGET_TORQUE: Final = Entry(0x6071, 0, 16, signed=True)
+MAX_TORQUE: Final = Entry(0x6072, 0, 16)
+TORQUE: Final = Entry(0x6077, 0, 16, signed=True)
 POSITION: Final = Entry(0x6064, 0, 32, signed=True)
 VELOCITY: Final = Entry(0x606C, 0, 32, signed=True)
 TARGET_POSITION: Final = Entry(0x607A, 0, 32, signed=True)
@@ -90,7 +93,9 @@ VELOCITY_UNIT: Final = Entry(0x60A9, 0, 32)
 TARGET_VELOCITY: Final = Entry(0x60FF, 0, 32, signed=True)
 MODES: Final = Entry(0x6502, 0, 32)
 
-PROFILE_POSITION, PROFILE_VELOCITY = 1, 3
+THOUSANDTH: Final = 0.1
+"""A unit of torque is a thousandth of the motor's rated torque (0x6076): in percent."""
+PROFILE_POSITION, PROFILE_VELOCITY, PROFILE_TORQUE = 1, 3, 4
 """Modes of operation, as 0x6060 has them; bit N - 1 of 0x6502 says that a drive has mode N."""
 
 DRIVE_SETTINGS: Final = (
@@ -99,7 +104,8 @@ DRIVE_SETTINGS: Final = (
     SettingEntry("profile_deceleration", Entry(0x6084, 0, 32)),
     SettingEntry("quick_stop_deceleration", Entry(0x6085, 0, 32)),
     SettingEntry("max_motor_speed", Entry(0x6080, 0, 32), unit="rpm"),
-    SettingEntry("max_torque", Entry(0x6072, 0, 16), float, 0.1, unit="%"),
+    SettingEntry("max_torque", MAX_TORQUE, float, THOUSANDTH, unit="%"),
+    SettingEntry("torque_slope", Entry(0x6087, 0, 32), float, THOUSANDTH, unit="%/s"),
     SettingEntry("max_current", Entry(0x6073, 0, 16), float, 0.1, unit="%"),
     SettingEntry("least_position", Entry(0x607D, 1, 32, signed=True)),
     SettingEntry("most_position", Entry(0x607D, 2, 32, signed=True)),

@@ -79,7 +79,7 @@ class PortMapping:
 
 def mapping_fits() -> tuple[Fit, ...]:
     """Which messages devices send, and are driven by: drives, modules, and objects of an EDS by their unit."""
-    drives: list[tuple[type[Message], str]] = [(Speed, said("drives")), (Angle, said("drives"))]
+    drives: list[tuple[type[Message], str]] = [(message, said("drives")) for message in (Speed, Angle, Level)]
     units: dict[type[Message], list[str]] = {}
     for unit, (message, _) in _BY_UNIT.items():
         units.setdefault(message, []).append(unit)

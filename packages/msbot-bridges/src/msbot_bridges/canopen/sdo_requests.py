@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import struct
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import Final
 
 from canopen import RemoteNode
-from canopen.sdo import SdoAbortedError
+from canopen.sdo import SdoAbortedError, SdoCommunicationError
 
 from msbot_bridges.canopen import objects
 from msbot_bridges.canopen.objects import Entry
@@ -15,6 +17,8 @@ from msbot_xrce.errors import MsbotError
 
 NOT_THERE: Final = frozenset({0x06020000, 0x06090011, 0x06010001, 0x06010002, 0x08000024, 0x060A0023})
 """Abort codes: no such object or subindex, not readable, not writable, no data, not available."""
+MOST_OCTETS: Final = 4096
+"""Of a value; a node may send pieces without end."""
 _NO_PDO: Final = 1 << 31
 _EVENT_DRIVEN: Final = 255
 _SYNCHRONOUS: Final = 240
@@ -55,7 +59,8 @@ class SdoRequests:
     def write_if_there(self, entry: Entry, value: int) -> bool:
         """Write a number into an object that not every device has; False: it has none, or it cannot be written."""
         try:
-            self._sdo.download(entry.index, entry.subindex, entry.encode(value))
+            with self._readable(entry.index, entry.subindex):
+                self._sdo.download(entry.index, entry.subindex, entry.encode(value))
         except SdoAbortedError as error:
             if error.code not in NOT_THERE:
                 raise SdoRefused(f"node {self._node_id} refuses {value} in {entry.where}: {error}") from error
@@ -122,15 +127,33 @@ class SdoRequests:
 
     def _data(self, index: int, subindex: int) -> bytes | None:
         try:
-            data = self._sdo.upload(index, subindex)
+            with self._readable(index, subindex):
+                return self._upload(index, subindex)
         except SdoAbortedError as error:
             if error.code in NOT_THERE:
                 return None
             raise SdoRefused(f"node {self._node_id} does not tell 0x{index:04X}:{subindex:02X}: {error}") from error
-        return bytes(data)
+
+    def _upload(self, index: int, subindex: int) -> bytes:
+        with self._sdo.open(index, subindex, "rb", buffering=0) as stream:
+            data = b""
+            while piece := stream.read(7):
+                data += piece
+                if len(data) > MOST_OCTETS:
+                    raise SdoCommunicationError(f"0x{index:04X}:{subindex:02X} has more than {MOST_OCTETS:,} octets")
+            return data if stream.size is None else data[: stream.size]
+
+    @contextmanager
+    def _readable(self, index: int, subindex: int) -> Iterator[None]:
+        """The library raises whatever it stumbles over in a frame that is no answer."""
+        try:
+            yield
+        except (struct.error, IndexError) as error:
+            raise SdoCommunicationError(f"what it answers to 0x{index:04X}:{subindex:02X} is no answer") from error
 
     def _write(self, index: int, subindex: int, data: bytes) -> None:
         try:
-            self._sdo.download(index, subindex, data)
+            with self._readable(index, subindex):
+                self._sdo.download(index, subindex, data)
         except SdoAbortedError as error:
             raise SdoRefused(f"node {self._node_id} refuses 0x{index:04X}:{subindex:02X}: {error}") from error

@@ -1,4 +1,4 @@
-"""A simulated drive (CiA 402): state machine, ramps, profile velocity and profile position, quick stop."""
+"""A simulated drive (CiA 402): state machine, ramps, profile velocity, position and torque, quick stop."""
 
 from __future__ import annotations
 
@@ -22,13 +22,16 @@ _STATUS: Final = {
     DriveState.QUICK_STOP: 0x07,
     DriveState.FAULT: 0x08,
 }
+_TARGETS: Final = (objects.TARGET_POSITION, objects.TARGET_VELOCITY, objects.TARGET_TORQUE)
+_RPM_BY_TORQUE: Final = 1.0
+"""It turns against a load that grows with its speed: turns a minute for a thousandth of its rated torque."""
 _REACHED, _ACKNOWLEDGED = 1 << 10, 1 << 12
 _PROFILE_VELOCITY, _ACCELERATION, _QUICK_STOP_DECELERATION = (Entry(one, 0, 32) for one in (0x6081, 0x6083, 0x6085))
 _NEARLY: Final = 2.0
 """Increments within which a position counts as reached."""
 
 
-def dictionary(node_id: int, serial: int) -> ObjectDictionary:
+def dictionary(node_id: int, serial: int, *, has_torque: bool = False) -> ObjectDictionary:
     """The objects of the drive."""
     made = ObjectDictionary()
     add(made, "Device type", objects.DEVICE_TYPE, 402 | 2 << 16, is_writable=False)
@@ -44,7 +47,15 @@ def dictionary(node_id: int, serial: int) -> ObjectDictionary:
         ("Identity serial", objects.SERIAL, serial),
     ):
         add(made, name, entry, value, is_writable=False)
-    add_pdos(made, node_id, (1, 2), (1, 2))
+    add_pdos(made, node_id, (1, 2), (1, 2, 3) if has_torque else (1, 2))
+    if has_torque:
+        for name, entry, value in (
+            ("Target torque", objects.TARGET_TORQUE, 0),
+            ("Motor rated torque", Entry(0x6076, 0, 32), 500),
+            ("Torque actual value", objects.TORQUE, 0),
+            ("Torque slope", Entry(0x6087, 0, 32), 1000),
+        ):
+            add(made, name, entry, value)
     for name, entry, value in (
         ("Controlword", objects.CONTROLWORD, 0),
         ("Statusword", objects.STATUSWORD, 0x40),
@@ -62,7 +73,7 @@ def dictionary(node_id: int, serial: int) -> ObjectDictionary:
         ("Encoder turns", objects.ENCODER_TURNS, 1),
         ("SI unit velocity", objects.VELOCITY_UNIT, 0x00B44700),
         ("Target velocity", objects.TARGET_VELOCITY, 0),
-        ("Supported drive modes", objects.MODES, 1 << 2 | 1 << 0),
+        ("Supported drive modes", objects.MODES, 1 << 2 | 1 << 0 | (1 << 3 if has_torque else 0)),
     ):
         add(made, name, entry, value)
     return made
@@ -75,10 +86,13 @@ class SimulatedDrive(LocalDevice):
         address: `INTERFACE:CHANNEL[?bitrate=N]` of python-can.
         node_id: where it is on its bus.
         serial: tells it from others of its kind; its node id unless given.
+        has_torque: it has the mode profile torque, too.
     """
 
-    def __init__(self, address: str, node_id: int = 5, serial: int | None = None) -> None:
-        super().__init__(address, node_id, dictionary(node_id, node_id if serial is None else serial))
+    def __init__(self, address: str, node_id: int = 5, serial: int | None = None, *, has_torque: bool = False) -> None:
+        number = node_id if serial is None else serial
+        super().__init__(address, node_id, dictionary(node_id, number, has_torque=has_torque))
+        self._has_torque = has_torque
         self.state = DriveState.SWITCH_ON_DISABLED
         self.rpm = 0.0
         self.turns = 0.0
@@ -97,7 +111,7 @@ class SimulatedDrive(LocalDevice):
 
     def received(self, values: Mapping[tuple[int, int], int]) -> None:
         """See `LocalDevice`."""
-        for entry in (objects.MODE, objects.TARGET_POSITION, objects.TARGET_VELOCITY, objects.CONTROLWORD):
+        for entry in (objects.MODE, *_TARGETS, objects.CONTROLWORD):
             if (value := values.get((entry.index, entry.subindex))) is not None:
                 self.put(entry, value)
         self._obey()
@@ -111,6 +125,11 @@ class SimulatedDrive(LocalDevice):
         if self.state is DriveState.ENABLED and mode == objects.PROFILE_VELOCITY:
             wanted = float(self.get(objects.TARGET_VELOCITY))
             is_reached = abs(self.rpm - wanted) < 1
+        elif self.state is DriveState.ENABLED and mode == objects.PROFILE_TORQUE and self._has_torque:
+            most_torque = self.get(objects.MAX_TORQUE)
+            torque = max(-most_torque, min(most_torque, self.get(objects.TARGET_TORQUE)))
+            wanted, is_reached = torque * _RPM_BY_TORQUE, True
+            self.put(objects.TORQUE, torque)
         elif self.state is DriveState.ENABLED and self._target is not None:
             wanted, is_reached = self._towards(self._target)
             ramp *= 10
@@ -124,6 +143,8 @@ class SimulatedDrive(LocalDevice):
         self.turns += self.rpm / 60 * seconds
         word = _STATUS[self.state] | (_REACHED if is_reached else 0) | (_ACKNOWLEDGED if self._is_raised else 0)
         self.put(objects.STATUSWORD, word)
+        if self._has_torque and self.state is not DriveState.ENABLED:
+            self.put(objects.TORQUE, 0)
         self.put(objects.VELOCITY, round(self.rpm))
         self.put(objects.POSITION, round(self.turns * INCREMENTS))
 
