@@ -297,12 +297,18 @@ def test_a_function_that_waits_for_a_reply_when_stop_is_said_stands_still_until_
         await asyncio.sleep(8.0)
         assert scene.log == []
         if end == "part ended":
+            scene.aa.safe_state(lambda: scene.log.append("safe"))
             scene.aa.end()
         else:
             scene.robot.service.go_all("ann")
         await asyncio.sleep(0.5)
-        why = "the part has ended" if end == "part ended" else "STOP was said meanwhile: call again"
-        assert scene.log == [f"call of ask: {why}"]
+        why = (
+            "the part is ended, not active any more (ended)"
+            if end == "part ended"
+            else "STOP was said meanwhile: call again"
+        )
+        assert scene.log[:1] == [f"call of ask: {why}"]
+        assert scene.log[1:] == (["safe"] if end == "part ended" else []), "the safe state has the last word"
         assert scene.aa.counters.handler_errors == 0
 
     tell(story)

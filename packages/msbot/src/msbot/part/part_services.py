@@ -119,6 +119,11 @@ class PartCalls:
         self._open.fail(why, port)
         self._set_alarm()
 
+    @property
+    def stand_still(self) -> bool:
+        """Whether functions wait for GO whose calls have ended."""
+        return bool(self._standing)
+
     def stop_is_over(self) -> None:
         """GO: the functions whose calls have ended meanwhile go on; what was replied before GO counts no more."""
         standing, self._standing = self._standing, []

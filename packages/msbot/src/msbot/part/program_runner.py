@@ -376,10 +376,13 @@ class ProgramRunner:
         elif change.before is JoinState.ACTIVE:
             for timed in self.program.timed:
                 timed.cancel()
-            self._calls.end(f"the part is {change.after.value}, not active any more ({change.reason})")
+            self._end_calls(change)  # what its functions do of it, the safe state undoes
             for delayed in self._pending:
                 delayed.cancel()
             self._pending.clear()
+            self.safety.leave()
+        elif change.after is JoinState.ENDED and self._calls.stand_still:
+            self._end_calls(change)
             self.safety.leave()
         self._follow_master(change)
         if change.after is JoinState.ENDED:
@@ -389,6 +392,13 @@ class ProgramRunner:
         if change.after is JoinState.LOST:
             # The next agent learns of topics only from a part that has joined its robot.
             self._ports.unbind_all()
+
+    def _end_calls(self, change: Changed) -> None:
+        why = f"the part is {change.after.value}, not active any more ({change.reason})"
+        if change.after is JoinState.ENDED:
+            self._calls.end_all(why)
+        else:
+            self._calls.end(why)
 
     def _follow_master(self, change: Changed) -> None:
         """What the change means for a STOP that holds."""

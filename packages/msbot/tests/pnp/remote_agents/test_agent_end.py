@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from msbot.part.calls import ReplyStatus, encode_reply
 from msbot.part.join import pnp_messages
 from msbot.pnp import Profile
 from msbot.pnp.remote_agents.agent_messages import (
@@ -20,6 +21,7 @@ from msbot.pnp.remote_agents.agent_messages import (
     Forgotten,
     FromAgent,
     FromMaster,
+    Held,
     MasterHeard,
     OpenTopic,
     Remark,
@@ -378,6 +380,18 @@ def test_whoever_has_no_rights_may_ask_the_inventory_and_read_who_the_robot_is(f
     assert fed.end.may_read(part(6), pnp_messages.PROFILE_TOPIC)  # a session that is just being opened
     assert not fed.end.may_read(part(6), "light")
     assert not fed.end.may_read(part(5), "light")
+
+
+def test_a_part_is_no_longer_held_when_its_topics_are_said_again(fed: Gate) -> None:
+    def replies() -> bytes | None:
+        reply = fed.end.reply_if_unserved(part(1), "light")
+        return None if reply is None else reply(None)
+
+    fed.end.joined(part(1))
+    fed.hear(rights(1, LIGHT), Held(number=1, why="frozen"))
+    assert replies() == encode_reply(ReplyStatus.NOT_PASSED, "frozen")
+    fed.hear(rights(1, LIGHT))  # the verdict without topics was lost
+    assert replies() is None
 
 
 def test_who_leaves_takes_its_topics_along(fed: Gate) -> None:

@@ -404,11 +404,11 @@ class RemoteGate:
             return  # it has ended or was opened again in the meantime: what holds for that one is on its way
         session.confirmed = (message.times, bool(message.reads_profile))
         topics = {opened: topic for topic in message.topics for opened in _opened_by(topic)}
+        if topics:
+            session.held = ""  # also where the verdict between, without topics, was lost
         if (session.settled, session.topics.keys()) == (bool(message.settled), topics.keys()):
             return
         session.settled, session.topics = bool(message.settled), topics
-        if topics:
-            session.held = ""
         self._around.topics_changed()
         self._around.rights_changed(session.info.key)
 
