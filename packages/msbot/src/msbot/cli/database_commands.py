@@ -21,7 +21,7 @@ from msbot.registry.read_only_database import look_into
 from msbot_agent.cli.options import WholeRange, json_option
 from msbot_agent.cli.table import for_terminal, print_table
 from msbot_agent.text.sentence import printable
-from msbot_agent.text.similar_names import instead_of
+from msbot_agent.text.similar_names import did_you_mean, instead_of, nearest
 from msbot_xrce.counting import amount
 from msbot_xrce.errors import ConfigError, RegistryError
 
@@ -361,7 +361,9 @@ def _read(
             empty = [slot for one in robots if meant in (None, one) for slot in look.slot_names(one)]
             slot = next((slot for slot in empty if slot.casefold() == part.casefold()), None)
             if slot is None:
-                raise ConfigError(f"no part {part!r} is in the journal; {_seen(look, meant)}")
+                near = nearest(part, [*empty, *(record.name for record in look.parts(meant))])
+                hint = did_you_mean(list(dict.fromkeys(near))) if near else _seen(look, meant)
+                raise ConfigError(f"no part {part!r} is in the journal; {hint}")
             return (
                 [],
                 False,

@@ -259,6 +259,12 @@ def test_a_part_that_was_never_there_is_a_mistake_with_the_names_of_those_that_w
         CliRunner().invoke(why_command, ["XX", "--db", str(tmp_path / "robot.db")], catch_exceptions=False)
 
 
+def test_a_typo_in_the_name_of_a_slot_is_told(tmp_path: Path) -> None:
+    why(tmp_path, unknown_part)
+    with pytest.raises(Exception, match=r"no part 'AAA' is in the journal; did you mean AA\?"):
+        CliRunner().invoke(why_command, ["AAA", "--db", str(tmp_path / "robot.db")], catch_exceptions=False)
+
+
 def test_a_slot_that_was_never_filled_is_told_as_that(tmp_path: Path) -> None:
     assert "no part has ever been in slot AA; `msbot simulate AA`" in why(tmp_path, unknown_part, "aa")
     asked = ["AA", "--db", str(tmp_path / "robot.db"), "--json"]
