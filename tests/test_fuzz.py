@@ -48,6 +48,7 @@ EXECUTIONS = {
     "codec": 2000,
     "compact": 1000,
     "serial": 200,
+    "mqtt": 60,
     "requests": 250,
     "message": 2000,
     "toml": 12,

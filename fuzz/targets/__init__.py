@@ -9,6 +9,7 @@ from fuzz.targets.client import ClientTarget
 from fuzz.targets.codec import CodecTarget
 from fuzz.targets.compact import CompactTarget
 from fuzz.targets.message import MessageTarget
+from fuzz.targets.mqtt import MqttTarget
 from fuzz.targets.page import PageTarget
 from fuzz.targets.parsers import ParserTarget
 from fuzz.targets.part import PartTarget
@@ -31,6 +32,7 @@ TARGETS: dict[str, Target] = {
         SocketCanTarget(),
         SimBusTarget(),
         SerialTarget(),
+        MqttTarget(),
         RequestTarget(),
         MessageTarget(),
         TomlTarget(),

@@ -144,8 +144,21 @@ class Plug:
         self._page = await browser.new_page()
         await self._page.goto(f"http://127.0.0.1:{self.bridge.link.partition(':')[2]}/")
         await self._page.get_by_text("Connected to the bridge").wait_for(timeout=LONG_S * 1000)
+        await self.add()
+
+    async def add(self) -> None:
+        """Of Jacdac: one more module on the page."""
         await self._page.get_by_label("Simulate a module").select_option(self._device)
         await self._page.get_by_role("button", name="Add").click()
+
+    async def remove(self) -> None:
+        """Of Jacdac: its first module is gone."""
+        await self._page.evaluate("bus.removeServiceProvider(bus.serviceProviders()[0])")
+
+    async def until(self, words: str, value: float) -> None:
+        """Of Jacdac: until an expression in the page has this value."""
+        while not await self._page.evaluate(f"Math.abs({words} - {value}) < 0.01"):
+            await self._page.wait_for_timeout(20)
 
 
 @pytest.mark.parametrize(

@@ -16,6 +16,10 @@ DRIVE = "test_a_drive_is_found_turns_stops_and_is_missed"
 MODULE = "test_a_servo_is_found_driven_stopped_and_missed"
 LAMP, PUMP = "test_a_device_of_home_assistant_is_a_part", "test_a_pump_by_tcp"
 SPARE = "test_a_pump_on_mqtt_takes_the_slot_of_one_with_modbus"
+SPARE_BACK = "test_a_dimmer_with_modbus_takes_the_slot_of_a_lamp_on_mqtt"
+EITHER = "test_a_lamp_of_jacdac_and_a_dimmer_with_modbus_stand_by_for_each_other"
+LIKE_PUMP = "test_a_like_pump_with_modbus_gets_the_slot_with_its_settings"
+LIKE_MODULE = "test_a_like_module_of_jacdac_gets_the_slot_with_its_settings"
 SET = "test_settings_reach_the_device_survive_a_swap_and_are_undone"
 LIKE = "test_a_like_device_gets_the_slot_with_its_settings"
 RANGE = "test_a_range_finder_gets_subjects_and_is_heard_and_missed"
@@ -35,8 +39,8 @@ TRIED = {
         MODULE,
     ),
     "adopted, recorded, lost, explained": (WHOLE,) * 6,
-    "a like device gets slot and settings; undone": (LIKE, SET, LIKE, SET, None, None),
-    "a spare of another world": (SWAP, CYPHAL_SPARE, SWAP, SPARE, SPARE, None),
+    "a like device gets slot and settings; undone": (LIKE, SET, LIKE, SET, LIKE_PUMP, LIKE_MODULE),
+    "a spare of another world": (SWAP, CYPHAL_SPARE, SWAP, SPARE, SPARE_BACK, EITHER),
 }
 """The test of each cell, in the order of the page's columns; None: a gap."""
 

@@ -8,7 +8,7 @@ import logging
 import ssl
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 from urllib.parse import unquote, urlsplit
 
 import aiomqtt
@@ -112,7 +112,14 @@ class LastWill:
 
 
 class _Client(aiomqtt.Client):
-    """The library's client; how its connection has ended is also taken when it ends while this client is leaving."""
+    """The library's client. How its connection has ended is also taken when it ends while this client is leaving, and
+    when it ends with the octets that acknowledge it, which the library takes for the end of a connection before."""
+
+    async def __aenter__(self) -> Self:
+        await super().__aenter__()
+        if self._client.socket() is None:
+            raise aiomqtt.MqttError("it has ended the connection as soon as it was there")
+        return self
 
     async def __aexit__(self, *reason: Any) -> None:  # noqa: ANN401 - as the library has it
         await super().__aexit__(*reason)

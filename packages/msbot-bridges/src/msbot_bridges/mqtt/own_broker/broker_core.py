@@ -35,8 +35,12 @@ from msbot_xrce.lazy import dataclass
 MOST_CLIENTS = 100
 MOST_FILTERS = 5000
 """Of a client; further ones are refused."""
+MOST_FILTERS_IN_ALL = 10_000
+"""Of all clients: each message is compared with each of them."""
 MOST_RETAINED = 5000
 """Messages that are retained; beyond, further ones are only delivered."""
+MOST_RETAINED_OCTETS = 16 * 1024 * 1024
+"""Octets of their topics and payloads."""
 MOST_UNRELEASED = 1000
 """Messages with QoS 2 of a client that it has not released."""
 HIGHEST_QOS = 1
@@ -82,6 +86,7 @@ class BrokerCore:
         self._clients: list[BrokerClient] = []
         self._by_id: dict[str, BrokerClient] = {}
         self._retained: dict[str, Publication] = {}
+        self._retained_octets = 0
 
     @property
     def clients(self) -> tuple[BrokerClient, ...]:
@@ -181,17 +186,26 @@ class BrokerCore:
 
     def _publish(self, publication: Publication) -> None:
         if publication.is_retained:
-            if not publication.payload:
-                self._retained.pop(publication.topic, None)
-            elif publication.topic in self._retained or len(self._retained) < MOST_RETAINED:
-                self._retained[publication.topic] = publication
-            else:
-                self.dropped += 1
+            self._retain(publication)
         levels = publication.topic.split("/")
         for client in self.clients:
             granted = [qos for wanted, qos in client.filters.values() if matches(wanted, levels)]
             if granted:
                 self._deliver(client, publication, max(granted), is_old=False)
+
+    def _retain(self, publication: Publication) -> None:
+        """Keep a message in place of the one before; one for which there is no room leaves none."""
+        before = self._retained.pop(publication.topic, None)
+        if before is not None:
+            self._retained_octets -= _octets(before)
+        if not publication.payload:
+            return
+        size = _octets(publication)
+        if len(self._retained) >= MOST_RETAINED or self._retained_octets + size > MOST_RETAINED_OCTETS:
+            self.dropped += 1
+            return
+        self._retained[publication.topic] = publication
+        self._retained_octets += size
 
     def _deliver(self, client: BrokerClient, publication: Publication, granted: int, *, is_old: bool) -> None:
         qos = min(publication.qos, granted)
@@ -202,18 +216,21 @@ class BrokerCore:
         )
 
     def _subscribe(self, client: BrokerClient, packet_id: int, wanted: list[tuple[str, int]]) -> None:
-        codes, taken = [], []
+        codes, taken = [], dict[tuple[str, ...], int]()
+        in_all = sum(len(one.filters) for one in self._clients)
         for one, qos in wanted:
-            has_room = one in client.filters or len(client.filters) < MOST_FILTERS
+            is_new = one not in client.filters
+            has_room = not is_new or (len(client.filters) < MOST_FILTERS and in_all < MOST_FILTERS_IN_ALL)
             if not is_filter(one) or not has_room:
                 codes.append(_REFUSED)
                 continue
             levels, granted = tuple(one.split("/")), min(qos, HIGHEST_QOS)
+            in_all += is_new
             client.filters[one] = levels, granted
             codes.append(granted)
-            taken.append((levels, granted))
+            taken[levels] = granted  # the retained messages come once for each filter, however often it is there
         client.send(suback(packet_id, codes))
-        for levels, granted in taken:
+        for levels, granted in taken.items():
             for publication in self._kept(levels):
                 self._deliver(client, publication, granted, is_old=True)
 
@@ -223,3 +240,7 @@ class BrokerCore:
             one = self._retained.get("/".join(levels))
             return iter(() if one is None else (one,))
         return (one for topic, one in list(self._retained.items()) if matches(levels, topic.split("/")))
+
+
+def _octets(publication: Publication) -> int:
+    return len(publication.topic.encode()) + len(publication.payload)

@@ -10,6 +10,10 @@ from msbot_xrce.lazy import dataclass
 
 LONGEST_PACKET = 262_144
 """Octets of a packet; a client that sends a longer one is disconnected."""
+MOST_LEVELS = 64
+"""Levels of a topic or filter: each is looked at for each filter."""
+MOST_AT_ONCE = 1000
+"""Filters in one packet."""
 LEVEL = 4
 """The protocol level of MQTT 3.1.1."""
 
@@ -207,6 +211,7 @@ def read_subscribe(packet: MqttPacket) -> tuple[int, list[tuple[str, int]]]:
     packet_id, wanted = _packet_id(reader), list[tuple[str, int]]()
     while not reader.is_at_end:
         wanted.append((reader.text(), reader.number(1) & 3))
+    _check_count(wanted)
     return packet_id, wanted
 
 
@@ -220,7 +225,13 @@ def read_unsubscribe(packet: MqttPacket) -> tuple[int, list[str]]:
     packet_id, filters = _packet_id(reader), list[str]()
     while not reader.is_at_end:
         filters.append(reader.text())
+    _check_count(filters)
     return packet_id, filters
+
+
+def _check_count(filters: Sequence[object]) -> None:
+    if not 0 < len(filters) <= MOST_AT_ONCE:
+        raise RemoteProtocolError(f"a packet with {len(filters)} filters; there may be 1 to {MOST_AT_ONCE}")
 
 
 def _packet_id(reader: _Reader) -> int:
@@ -234,10 +245,12 @@ def check_topic(topic: str) -> None:
     """Refuse what is no name of a topic, section 4.7.
 
     Raises:
-        RemoteProtocolError: it is empty, or has wildcards.
+        RemoteProtocolError: it is empty, has wildcards or too many levels.
     """
     if not topic or "+" in topic or "#" in topic:
         raise RemoteProtocolError("a topic that is empty or has wildcards")
+    if topic.count("/") >= MOST_LEVELS:
+        raise RemoteProtocolError(f"a topic with more than {MOST_LEVELS} levels")
 
 
 def is_filter(text: str) -> bool:
@@ -245,6 +258,7 @@ def is_filter(text: str) -> bool:
     levels = text.split("/")
     return (
         bool(text)
+        and len(levels) <= MOST_LEVELS
         and all(level in ("+", "#") or not set(level) & {"+", "#"} for level in levels)
         and "#" not in levels[:-1]
     )
