@@ -70,18 +70,21 @@ class RunningProcess:
     name: str
     details: dict[str, str]
 
-    def ask(self, request: Mapping[str, object], *, patience_s: float = ANSWER_S) -> dict[str, object]:
+    def ask(
+        self, request: Mapping[str, object], *, patience_s: float = ANSWER_S, waits_s: float = 0.0
+    ) -> dict[str, object]:
         """Send a request and return the answer.
 
         Args:
             request: what is asked for.
             patience_s: time for the answer.
+            waits_s: time that the process itself may wait before it answers, in addition.
 
         Raises:
             ConfigError: it does not answer, or its answer makes no sense.
         """
         try:
-            return _ask(self.file, request, patience_s)
+            return _ask(self.file, request, patience_s + waits_s)
         except (OSError, ValueError) as error:
             raise ConfigError(f"{self.what} {self.name} (process {self.file.pid}) does not answer: {error}") from error
 

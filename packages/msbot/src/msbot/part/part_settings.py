@@ -57,6 +57,8 @@ class DeclaredSettings:
         """Setting -> its default and range; only those that the program declares."""
         self.followers: dict[str, list[SettingListener]] = {}
         """Setting -> who is told of its changes."""
+        self.read: set[str] = set()
+        """The settings that `part.setting` has been asked for."""
 
     def declare(self, name: str, setting: DeclaredSetting) -> None:
         """The part has that setting.
@@ -135,6 +137,7 @@ class Settings:
             ConfigError: it is not set and there is no default, or its text is not of that kind.
         """
         check_kind(name, kind)
+        self._program.read.add(name)
         text = self._texts.get(name)
         if text is not None:
             return read_value(name, text, kind)

@@ -15,6 +15,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from msbot.part.beginner_hints import HandlerWatch, part_is_run
+from msbot.part.imported_program import is_imported_by_test
 from msbot.part.join.part_keys import KEY_VARIABLE, given_key
 from msbot.part.join.uid import parse_uid, stored_uid
 from msbot_agent.link import Link, open_link
@@ -38,7 +39,7 @@ def run(*parts: Part, args: list[str] | None = None) -> None:
     """Run one or more parts until Ctrl-C or SIGTERM; each has its own session and closes it at the end.
 
     Options: `--link ADDRESS` (or $MSBOT_LINK, or this computer), `--uid HEX` and
-    `--key FILE` (one part only), `--quiet`.
+    `--key FILE` (one part only), `--quiet`. Does nothing in a program that a test imports.
 
     Args:
         parts: what to run.
@@ -47,6 +48,10 @@ def run(*parts: Part, args: list[str] | None = None) -> None:
     Raises:
         SystemExit: status 2 after one sentence on stderr, when something is wrong that the user can fix.
     """
+    if is_imported_by_test():
+        for part in parts:
+            part_is_run(part)
+        return
     try:
         if isinstance(args, str):
             raise ConfigError(f'run() takes a list, as a command line is one: run(["--link", {args!r}])')

@@ -30,9 +30,11 @@ from msbot.part.ports import NOT_TO_PUBLISH_ON
 from msbot.pnp import Configuration, MemoryStore, SlotBinding
 from msbot.process.virtual_time import VirtualTimeLoop
 from msbot.sim.model_part import message_class
+from msbot.testing.own_messages import ProgramMessages, as_message
 from msbot.testing.service_stand_ins import Answer, ServiceStandIns
 from msbot_agent.link import InprocHub, LinkInfo, LossyLink
 from msbot_agent.space import Deliver, Qos, Sample, Topic
+from msbot_agent.text.similar_names import did_you_mean, nearest
 from msbot_xrce.errors import CallError, ConfigError, MsbotError
 from msbot_xrce.lazy import dataclass
 
@@ -59,15 +61,20 @@ class PartRobot:
         publishes: Mapping[str, type[Message]] | None = None,
         library: Library | None = None,
         join: bool = True,
+        names: Mapping[str, object] | None = None,
     ) -> None:
-        """See `robot_for`."""
+        """See `robot_for`; `names` are those that the program's file has defined."""
         self.part = part
         self._ports = _ports_of(part, publishes or {}, library or load_library())
         self._services = ServiceStandIns(part, library or load_library())
+        self.messages = ProgramMessages(part, names or {}, (port.message for port in self._ports.values()))
+        """The program's message classes: `robot.messages.Samples`."""
         self._published: dict[str, deque[Message]] = {
             name: deque(maxlen=MOST_KEPT) for name, port in self._ports.items() if port.publishes
         }
         self._settings = _settings_of(part, self._ports, settings or {}, library or load_library())
+        part_type = (library or load_library()).find(part.part_number)
+        self._parameters = [] if part_type is None else [declared.name for declared in part_type.parameters]
         self._handler = _Lines()
         self._runner = asyncio.Runner(loop_factory=VirtualTimeLoop)
         self._hub = InprocHub()
@@ -177,7 +184,8 @@ class PartRobot:
 
     def send(self, port: str, message: Message) -> None:
         """Feed a message into a port of the part, and give it the time to arrive."""
-        self._check(port, message, publishes=False)
+        meant = self._port(port, publishes=False)
+        message = as_message(f"port {port!r} carries", message, meant.message)
         if not self._partner_is_in:
             raise ConfigError(f"nobody can send to {port!r}: the partner is unplugged; plug_partner() brings it back")
         self._partner.publish(port, message)
@@ -210,8 +218,7 @@ class PartRobot:
             CallError: there is none; the text says why, as a caller in a robot reads it.
         """
         exchange = self._services.port(port, serves=True).exchange
-        if type(request) is not exchange.request:
-            raise ConfigError(f"port {port!r} takes {exchange.request.__name__}, not {request!r}")
+        request = as_message(f"port {port!r} takes", request, exchange.request)
         if not self._partner_is_in:
             raise ConfigError(f"nobody can call {port!r}: the partner is unplugged; plug_partner() brings it back")
         ends: list[Message | CallError] = []
@@ -252,7 +259,18 @@ class PartRobot:
         self._in_loop(lambda: self._master.say_go("the test"))
 
     def set(self, name: str, value: Scalar) -> None:
-        """Change a setting of the part."""
+        """Change a setting of the part.
+
+        Raises:
+            ConfigError: neither the program nor the library has such a setting.
+        """
+        program = self.part.program.settings
+        known = {*self._settings, *program.declared, *program.followers, *program.read, *self._parameters}
+        if name not in known:
+            near = nearest(name, known)
+            has = ", ".join(sorted(known)) or "none"
+            hint = did_you_mean(near) if near else f"it has {has}; robot_for(..., settings={{...}}) gives it more"
+            raise ConfigError(f"the part has no setting {name!r}; {hint}")
         self._settings[name] = value
         old = self._store.configurations[SLOT]
         self._store.configurations[SLOT] = replace(old, version=old.version + 1, settings=self._settings_text())
@@ -346,11 +364,6 @@ class PartRobot:
             raise ConfigError(f"the part {verb} no port {name!r}; it {verb} {known}")
         return port
 
-    def _check(self, name: str, message: Message, *, publishes: bool) -> None:
-        port = self._port(name, publishes=publishes)
-        if not isinstance(message, Message) or type(message).type_name != port.message.type_name:
-            raise ConfigError(f"port {name!r} carries {port.message.__name__}, not {message!r}")
-
 
 def robot_for(
     part: Part | str | Path,
@@ -373,22 +386,26 @@ def robot_for(
         ConfigError: the program makes no part, or several, or contradicts the library.
         MsbotError: the part does not join; the text says why.
     """
-    meant = part if isinstance(part, Part) else part_of(Path(part))
-    return PartRobot(meant, settings=settings, publishes=publishes, library=library, join=join)
+    meant, names = (part, None) if isinstance(part, Part) else part_of(Path(part))
+    return PartRobot(meant, settings=settings, publishes=publishes, library=library, join=join, names=names)
 
 
-def part_of(file: Path) -> Part:
-    """The part that a program makes and runs; the program is run up to there.
+def part_of(file: Path) -> tuple[Part, dict[str, object]]:
+    """The part that a program makes and runs, and the names that it defines; the program is run up to there.
 
     Raises:
-        ConfigError: it runs none, or several.
+        ConfigError: there is no such file, or it runs no part, or several.
     """
+    if not file.is_file():
+        near = nearest(file.name, [one.name for one in file.parent.glob("*.py")])
+        hint = did_you_mean(near) if near else "robot_for takes the file of a part's program, or a Part"
+        raise ConfigError(f"there is no file {file} (looked for in {Path.cwd()}); {hint}")
     found: list[Part] = []
     with _not_run(found):
-        runpy.run_path(str(file), run_name="__main__")
+        names = runpy.run_path(str(file), run_name="__main__")
     if len(found) != 1:
         raise ConfigError(f"{file}: the program runs {len(found)} parts; robot_for takes one")
-    return found[0]
+    return found[0], names
 
 
 @contextmanager

@@ -15,6 +15,7 @@ from msbot.part.part_services import CallIgnored
 from msbot.part.program import Exchange
 from msbot.pnp import SlotBinding
 from msbot.sim.model_part import message_class
+from msbot.testing.own_messages import as_message
 from msbot_xrce.errors import CallError, ConfigError
 from msbot_xrce.lazy import dataclass
 
@@ -69,9 +70,9 @@ class ServiceStandIns:
             ConfigError: no such port, or the reply is none of its messages.
         """
         exchange = self.port(port, serves=False).exchange
-        if isinstance(answer, Message) and type(answer) is not exchange.reply:
-            raise ConfigError(f"port {port!r} gets {exchange.reply.__name__}, not {answer!r}")
-        self._answers[port] = answer
+        self._answers[port] = (
+            as_message(f"port {port!r} gets", answer, exchange.reply) if isinstance(answer, Message) else answer
+        )
 
     def port(self, name: str, *, serves: bool) -> ServicePort:
         """A port of the part.
@@ -95,9 +96,7 @@ class ServiceStandIns:
             if isinstance(answer, CallError):
                 raise answer
             reply = answer if isinstance(answer, Message) else answer(request)
-            if type(reply) is not exchange.reply:
-                raise ConfigError(f"answer({name!r}, ...): a {exchange.reply.__name__} is needed, not {reply!r}")
-            return reply
+            return as_message(f"answer({name!r}, ...): the reply must be", reply, exchange.reply)
 
         return serve
 

@@ -45,7 +45,7 @@ class _Answers(RunningProcess):
         object.__setattr__(self, "name", "R2")
         object.__setattr__(self, "answer", answer)
 
-    def ask(self, request: object, *, patience_s: float = 0.0) -> dict[str, object]:
+    def ask(self, request: object, *, patience_s: float = 0.0, waits_s: float = 0.0) -> dict[str, object]:
         return dict(self.answer)  # type: ignore[attr-defined]
 
 

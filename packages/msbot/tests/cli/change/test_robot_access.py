@@ -13,10 +13,12 @@ import click
 import pytest
 from click.testing import CliRunner
 
+from msbot.cli.change import robot_access
 from msbot.cli.change.robot_access import master_details, perform, running_master
 from msbot.operations.dispatch import perform as perform_request
 from msbot.registry.records import database_identity
-from msbot_agent.agent import StatusServer
+from msbot_agent.agent import RunningProcess, StatusServer, status_reader
+from msbot_agent.agent.status_files import StatusFile
 from msbot_agent.cli import msbot
 from msbot_xrce.errors import ConfigError, MsbotError
 from tests.operations.stage import AA_IS_A_DIAL, Stage, play
@@ -278,3 +280,17 @@ def test_a_robot_that_runs_out_of_sight_is_told_as_that(tmp_path: Path) -> None:
 def test_a_database_of_another_name_is_named(tmp_path: Path) -> None:
     (tmp_path / "r.db").touch()
     assert command("parts") == "msbot: there is no database robot.db; name the one that is meant: --db r.db"
+
+
+def test_the_connection_outlasts_the_call_that_it_carries(monkeypatch: pytest.MonkeyPatch) -> None:
+    patience: list[float] = []
+
+    def asked(file: object, request: object, patience_s: float) -> dict[str, object]:
+        patience.append(patience_s)
+        return {"words": "done"}
+
+    master = RunningProcess(StatusFile(Path("x"), 1, "x", 1), "master", "R", {"robot": "R"})
+    monkeypatch.setattr(status_reader, "_ask", asked)
+    monkeypatch.setattr(robot_access, "running_processes", lambda: [master])
+    assert command("call", "a.b", "1", "--seconds", "30") == command("call", "a.b", "1") == "done"
+    assert patience == [status_reader.ANSWER_S + 30, status_reader.ANSWER_S]

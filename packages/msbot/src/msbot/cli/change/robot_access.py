@@ -86,10 +86,17 @@ def perform(db: str | None, robot: str | None, do: str, args: Mapping[str, objec
     path = db or database_here()
     is_named = db is not None or is_there(path)
     running = _find(database_identity(path) if is_named else None, robot)
-    answer = _on_database(path, robot, request) if running is None else running.ask(request)
+    waits_s = _waits_s(do, args)
+    answer = _on_database(path, robot, request) if running is None else running.ask(request, waits_s=waits_s)
     if "error" in answer:
         raise ConfigError(str(answer["error"]))
     return answer
+
+
+def _waits_s(do: str, args: Mapping[str, object]) -> float:
+    """How long the operation itself may wait, before its answer counts as missing."""
+    seconds = args.get("seconds")
+    return float(seconds) if do == "call" and isinstance(seconds, int | float) else 0.0
 
 
 def say(db: str | None, robot: str | None, do: str, args: Mapping[str, object]) -> dict[str, Any]:

@@ -185,7 +185,9 @@ class Message:
             _assign(self, name, value)
 
     def __eq__(self, other: object) -> bool:
-        if type(other) is not type(self):
+        if type(other) is not type(self) and not (
+            isinstance(other, Message) and _is_same_type(type(self), type(other))
+        ):
             return NotImplemented
         return all(getattr(self, name) == getattr(other, name) for name in self._fields)
 
@@ -260,6 +262,26 @@ def _compile(cls: type[Message]) -> dict[str, Field]:
         if get_origin(annotation) is not ClassVar:
             fields[name] = _field(cls, name, annotation)
     return fields
+
+
+def _is_same_type(one: type[Message], other: type[Message]) -> bool:
+    """Whether two classes are one type: a program that is run and imported has each of its classes twice."""
+    return one.type_name == other.type_name and _forms(one) == _forms(other)
+
+
+def _forms(cls: type[Message]) -> list[object]:
+    return [
+        (field.name, field.codec.kind or field.codec.word, _forms(inside) if issubclass(inside, Message) else None)
+        for field in fields_of(cls)
+        for inside in (field.codec.inside or object,)
+    ]
+
+
+def converted(message: Message, wanted: type[_M]) -> _M | None:
+    """A message of another class of the same type as one of the wanted class; None: it is another type."""
+    if isinstance(message, wanted) and type(message) is wanted:
+        return message
+    return wanted.decode(message.encode()) if _is_same_type(type(message), wanted) else None
 
 
 def fixed_form(cls: type[Message]) -> FixedSize | None:
