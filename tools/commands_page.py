@@ -46,6 +46,8 @@ def _rows(name: str) -> Iterator[str]:
     if command.invoke_without_command:
         yield _row(name, command)
     for sub, one in command.commands.items():
+        if one.hidden:  # what people type out of habit: a sentence says what is right
+            continue
         yield _row(f"{name} {sub}", one)
 
 

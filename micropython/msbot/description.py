@@ -79,7 +79,10 @@ def _enum(kind):
 def _word(message_class, name, kind):
     word = word_of(kind)
     if word.endswith("[]") or "][" in word:
-        words = "{}.{} is {}, which a part cannot describe: say how many there can be; there are no lists of lists"
+        words = (
+            "{}.{} is {}, which a part cannot describe: say how many there can be, Annotated[..., AtMost(64)]; "
+            "there are no lists of lists"
+        )
         raise ConfigError(words.format(message_class.__name__, name, word))
     return word
 

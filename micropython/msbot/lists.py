@@ -126,6 +126,15 @@ class ListKind(Kind):
         reader.at += -reader.at & (one - 1)
         return list(struct.unpack("<{}{}".format(size, self.element), reader.take(size * one)))
 
+    def wrong_size(self, value):
+        """How many there are, if that is what is wrong; else an empty text."""
+        if self._counts(len(value) if isinstance(value, bytes if self.octets else list) else self.count):
+            return ""
+        bound = "exactly" if self.sign == "=" else "at most"
+        return "must have {} {} {}; it has {}".format(
+            bound, self.count, "bytes" if self.octets else "elements", len(value)
+        )
+
     def needs(self):
         """What it must be."""
         bound = {"": "", "<=": " of at most {}".format(self.count), "=": " of exactly {}".format(self.count)}[self.sign]

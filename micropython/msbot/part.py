@@ -223,6 +223,8 @@ class Part:
     def step(self, now):
         """Receive, do what is due, send; returns when to call it again, None = the part has ended."""
         self._now = now
+        if self._client is None:  # it could not begin, and the error has said why
+            return None
         link = self._client.link
         link.poll(now)
         for timed in self._timed:

@@ -116,6 +116,9 @@ def misfit(message, field, kind, value):
         if kind.octets or not places:
             break
         kind, value, field = kind.element, value[places[0]], "{}[{}]".format(field, places[0])
+    wrong = kind.wrong_size(value) if hasattr(kind, "wrong_size") else ""
+    if wrong:
+        return "{}.{} {}".format(message, field, wrong)
     shown = repr(value)
     shown = shown if len(shown) <= _SHOWN else shown[:_SHOWN] + "..."
     return "{}.{} cannot be {}: {}".format(message, field, shown, _needs(kind))

@@ -111,7 +111,7 @@ def test_an_unplugged_part_is_lost_when_its_beats_are_missing_and_comes_back(lin
 
 
 def test_a_spare_takes_over_within_one_tick_and_undo_brings_the_first_part_back(ends: Ends) -> None:
-    beside = "edit 1 undone: the spare DD has taken over slot BB from EFGH-local\n"
+    beside = "change 1 undone: the spare DD has taken over slot BB from EFGH-local\n"
     result = told(ends["spare", "udp"](), beside=beside)
     (lost,) = [
         float(str(event["at_s"])) for event in result["events"] if (event["part"], event["to"]) == ("BB", "lost")

@@ -16,6 +16,7 @@ import pytest
 
 from tests import ROOT
 from tests.e2e.processes import PATIENCE_S, run, running
+from tests.e2e.test_familiar_commands import lines
 from tests.e2e.test_processes import free_port
 
 PAGE = (ROOT / "docs/howto/services.md").read_text()
@@ -33,6 +34,12 @@ part = "CAM-1"
 name = "brain"
 part = "BRAIN-1"
 {BINDING}"""
+HINTS = (
+    (("service", "call", "camera.photo", "20"), "`msbot call SLOT.PORT VALUE...`"),
+    (("call", "photo", "20"), "msbot call camera.photo VALUE..."),
+    (("topic", "echo", "photo"), "photo is a service, and no topic: `msbot call camera.photo VALUE...` calls it"),
+)
+"""What people type out of habit, and what is said."""
 ONCE = BRAIN.replace("        print(error)\n", "        print(error)\n    part.end()\n")
 """The same program; it ends after one call."""
 
@@ -81,8 +88,16 @@ def test_the_programs_of_the_page_ask_and_answer(tmp_path: Path, way: str) -> No
                 assert asks("wide") == "call of look: refused: the camera turns from 0 to 90 degrees only\n"
                 called = run("call", "camera.photo", "degrees=20", cwd=tmp_path, env=env)
                 assert (called.returncode, called.stdout) == (0, "camera.photo: a tree at 20 degrees\n")
+                for line in (line for line in lines() if line[0] == "call"):
+                    assert run(*line, cwd=tmp_path, env=env).stdout == called.stdout
+                for words, hint in HINTS:
+                    said = run(*words, cwd=tmp_path, env=env)
+                    assert (said.returncode, hint in said.stderr) == (2, True), said.stderr
+                assert "photo (service)" in run("topic", "list", cwd=tmp_path, env=env).stdout
             finally:
                 camera.terminate()
+        left = run("topic", "info", "photo", cwd=tmp_path, env=env)
+        assert "camera.photo  (slot camera is empty)" in left.stdout
         refused = run("call", "camera.photo", "20", cwd=tmp_path, env=env)
         assert refused.returncode != 0
         assert len(refused.stderr.splitlines()) == 1

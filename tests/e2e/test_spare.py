@@ -165,7 +165,7 @@ def test_the_commands_work_on_a_demo_that_runs_in_another_process(tmp_path: Path
             "DD takes slot BB in place of EFGH-local, which stands by"
         )
         assert "now: DD (EFGH) is active since" in command("why", "DD")
-        assert command("undo").startswith("edit 1 undone")
+        assert command("undo").startswith("change 1 undone")
         assert {part["name"] for part in json.loads(command("parts", "--json"))} >= {"ABCD-local", "EFGH-local"}
         assert "have confirmed it within" in command("stop", "--reason", "bell", *own)
         assert "STOP is over" in command("go", *own)

@@ -120,12 +120,22 @@ async def _watch(peer: SocketPeer, may_stay: Callable[[], bool]) -> tuple[int, s
     return REFUSED, said("you are signed out, or may not run parts any more")
 
 
+_CLOSINGS = {
+    1000: "the program has ended",
+    1001: "the page was left, or reloaded",
+    1005: "the program has ended",
+    1006: "the network broke off",
+}
+"""Why a browser closes a connection (RFC 6455, 7.4.1), in words."""
+
+
 async def _read(socket: WebSocket, peer: SocketPeer) -> tuple[int, str]:
     loop = asyncio.get_running_loop()
     while True:
         message = await socket.receive()
         if message["type"] == "websocket.disconnect":
-            return 0, message.get("reason") or f"code {message.get('code', 1005)}"
+            code = message.get("code", 1005)
+            return 0, message.get("reason") or _CLOSINGS.get(code, f"code {code}")
         packet = message.get("bytes")
         if packet is None:
             return WRONG, peer.took_text()

@@ -86,3 +86,18 @@ def test_a_message_may_be_typed_as_in_ros() -> None:
     )
     assert _type_and_values(level, ("std_msgs/msg/Float32", "{data: 40}")) == ("Float32", ["data=40"])
     assert _type_and_values(level, ("percent: 40",)) == (None, ["percent=40"])
+
+
+def test_a_field_of_a_list_is_chosen_by_its_place_as_it_is_printed() -> None:
+    assert told(POSE, field="scan[1]")[0] == "2"
+    assert told(POSE, field="ways[0].to")[0] == "door"
+    with pytest.raises(ConfigError, match=r"has no 'scan\[2\]'; it has 2 elements there"):
+        told(POSE, field="scan[2]")
+    with pytest.raises(ConfigError, match=r"has no 'name\[0\]'; that is no list"):
+        told(POSE, field="name[0]")
+
+
+def test_a_type_without_values_is_said() -> None:
+    meant = {"topic": "t", "type": "Number", "free": False, "fields": [["value", "float32"]]}
+    with pytest.raises(ConfigError, match=r"t: the values are missing behind Number: value \(float32\)"):
+        _type_and_values(meant, ("Number",))

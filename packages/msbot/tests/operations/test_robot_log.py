@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -63,5 +64,27 @@ def test_who_reads_slowly_is_told_how_many_are_gone_and_nothing_grows(tmp_path: 
         assert [one["words"] for one in (await lines(stage, last=3))["lines"]][1:] == ["ann: a: 1", "ann: b: 1"]
         ahead = await lines(stage, 2**53)  # the master has begun anew
         assert (ahead["lines"], ahead["missed"]) == ([], 0)
+
+    play(tmp_path, scene, parts=RING)
+
+
+def test_an_error_in_a_function_of_a_part_is_in_the_log_and_in_why_which_knows_of_stop(tmp_path: Path) -> None:
+    async def scene(stage: Stage) -> None:
+        begun = await lines(stage)
+
+        def broken(message: object) -> None:
+            raise NameError("name 'persent' is not defined")
+
+        stage.parts["BB"].program.listeners["in"] = replace(stage.parts["BB"].program.listeners["in"], function=broken)
+        await stage.do.publish("BB.in", ["1", "x"], who="ann")
+        await asyncio.sleep(3.0)
+        words = "NameError: name 'persent' is not defined"
+        told = [one["words"] for one in (await lines(stage, begun["next"]))["lines"] if words in one["words"]]
+        assert len(told) == 1  # and not once for each message
+        await stage.do.stop("", who="ann")
+        await asyncio.sleep(1.0)
+        why = stage.master.why("BB")
+        assert any(words in line for line in why)
+        assert "STOP is in force: no message reaches its functions until GO" in why
 
     play(tmp_path, scene, parts=RING)

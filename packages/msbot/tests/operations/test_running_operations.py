@@ -317,7 +317,7 @@ def test_a_slot_that_the_blueprint_drops_puts_its_part_out(tmp_path: Path) -> No
 def test_undo_says_what_is_in_the_way(tmp_path: Path) -> None:
     async def scene(stage: Stage) -> None:
         assert await stage.refusal(stage.do.undo(who="ann")) == "there is nothing to undo"
-        assert "there is no edit 99 of this robot" in await stage.refusal(stage.do.undo(99, who="ann"))
+        assert "there is no change 99 of this robot" in await stage.refusal(stage.do.undo(99, who="ann"))
         done = await stage.do.block("BB", "", who="ann")
         await stage.do.undo(done.edit_id, who="ann")
         assert "is undone already" in await stage.refusal(stage.do.undo(done.edit_id, who="ann"))

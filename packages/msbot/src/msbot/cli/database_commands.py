@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sqlite3
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import datetime
@@ -194,19 +195,30 @@ def _check_slots(wanted: tuple[str, ...], known: list[str]) -> None:
 
 def _print_parts(rows: list[PartRecord], *, several: bool) -> None:
     now = datetime.now()
+    count = Counter((row.robot, row.name) for row in rows)
     titles = (*["robot"] * several, "part", "number", "slot", "state", "since", "reason")
     print_table(
         titles,
         [
             (
                 *[row.robot] * several,
-                *(row.name, row.part_number, row.slot or "-", row.state),
+                *(
+                    _told_apart(row) if count[row.robot, row.name] > 1 else row.name,
+                    row.part_number,
+                    row.slot or "-",
+                    row.state,
+                ),
                 _when(datetime.fromtimestamp(row.changed_ns / 1e9), now),
                 row.reason,
             )
             for row in rows
         ],
     )
+
+
+def _told_apart(row: PartRecord) -> str:
+    """A part whose name others have, too: with its UID, which `parts forget` takes, or else where it was."""
+    return f"{row.name} ({row.uid.hex() or row.address})"
 
 
 def _when(at: datetime, now: datetime) -> str:

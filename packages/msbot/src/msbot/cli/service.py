@@ -353,6 +353,18 @@ def command() -> None:
     """Start a robot with the computer (systemd), and back up its database."""
 
 
+@command.command("call", hidden=True, context_settings={"ignore_unknown_options": True, "allow_extra_args": True})
+def call() -> None:
+    """What `ros2 service call` makes people type."""
+    raise click.UsageError("a service of a part is called by `msbot call SLOT.PORT VALUE...`; this starts robots")
+
+
+@command.command("list", hidden=True, context_settings={"ignore_unknown_options": True, "allow_extra_args": True})
+def list_services() -> None:
+    """What `ros2 service list` makes people type."""
+    raise click.UsageError("`msbot topic list -t` lists the services of parts, too; this starts robots")
+
+
 @command.command("install")
 @blueprint_argument
 @click.option(

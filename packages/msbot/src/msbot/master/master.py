@@ -218,7 +218,10 @@ class Master:
     def why(self, part: str, *, by_name: bool = False) -> list[str]:
         """The state of a part, the rules that led to it, and whom its topics cannot reach, in sentences."""
         lines = self.inventory.why(part, self._clock(), by_name=by_name)
-        return [*lines, *self.troubles(part, by_name=by_name), *self._program_lines(part, by_name=by_name)]
+        stop: list[str] = []
+        if self.stop.stopped and any(one.slot for one in self.inventory.find(part, self._clock(), by_name=by_name)):
+            stop = [said("STOP is in force: no message reaches its functions until GO")]
+        return [*lines, *stop, *self.troubles(part, by_name=by_name), *self._program_lines(part, by_name=by_name)]
 
     def _program_lines(self, part: str, *, by_name: bool) -> list[Sentence]:
         found = self.inventory.find(part, self._clock(), by_name=by_name)

@@ -74,13 +74,19 @@ def fitting_wires(blueprint: Blueprint, library: Library, slot: str) -> list[Fit
 def wires_for_people(blueprint: Blueprint, library: Library, slot: str) -> list[FittingWire]:
     """Wires with nobody at their ends, for the unwired ports of a slot that publish or serve: people look and call."""
     wired = {end for binding in blueprint.bindings for end in binding.ends}
-    taken = {binding.topic for binding in blueprint.bindings}
     ports = [(end, port) for end, port in _ports(blueprint, library) if end.slot == slot and end not in wired]
     return [
-        FittingWire(end.port if end.port not in taken else f"{slot}_{end.port}", port.type_name, end, None)
+        FittingWire(free_topic_name(blueprint, end), port.type_name, end, None)
         for end, port in ports
         if port.direction in _GIVING
     ][:MOST_OFFERED]
+
+
+def free_topic_name(blueprint: Blueprint, end: SlotPort) -> str:
+    """A name for a topic of a port that no other topic has."""
+    taken = {binding.topic for binding in blueprint.bindings}
+    names = [end.port, f"{end.slot}_{end.port}", *(f"{end.slot}_{end.port}_{n}" for n in range(2, len(taken) + 3))]
+    return next(name for name in names if name not in taken)
 
 
 def _ports(blueprint: Blueprint, library: Library) -> Iterator[tuple[SlotPort, Port]]:

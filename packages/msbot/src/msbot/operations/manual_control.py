@@ -12,7 +12,7 @@ import math
 import re
 from collections.abc import Callable, Collection, Mapping, Sequence
 
-from msbot.config import BoundedText, Direction, FieldKind, LeafType, MessageType, Port, Scalar
+from msbot.config import BoundedText, Direction, FieldKind, LeafType, ListType, MessageType, Port, Scalar
 from msbot.operations.operation import Outcome
 from msbot.operations.running_robot import RunningRobot, endpoint_of
 from msbot.part import Message
@@ -35,6 +35,8 @@ _GUID = bytes.fromhex("4d73424f540000000000000068616e64")
 
 _log = logging.getLogger(__name__)
 
+MOST_SHOWN = 4
+"""Values that the words of a mistake repeat."""
 _FIELD = re.compile(r"[A-Za-z_][A-Za-z0-9_.]*")
 """What stands before a `=` and looks like the name of a field, so that a misspelt one is not taken for a text."""
 
@@ -231,9 +233,17 @@ def read_message(where: str, message: MessageType, values: Sequence[str]) -> Mes
     """
     fields = message.leaves
     shown = ", ".join(f"{name} ({kind.word})" for name, kind in fields.items())
+    values = _without_type(message, values)
     if len(fields) == 1 and _is_text(next(iter(fields.values()))):
         values = [" ".join(values)]  # a sentence needs no quotes
     if len(values) > len(fields):
+        if len(fields) == 1 and isinstance(next(iter(fields.values())), ListType):
+            written = f"'[{', '.join(values[:MOST_SHOWN])}{', ...' if len(values) > MOST_SHOWN else ''}]'"
+            raise ConfigError(said("{where} takes one list: write {written}", where=where, written=written))
+        if len(fields) == 1:
+            raise ConfigError(
+                said("{where} takes one value, not {count}: {shown}", where=where, count=len(values), shown=shown)
+            )
         raise ConfigError(
             said(
                 "{where} takes {count} values, not {count2}: {shown}",
@@ -263,6 +273,16 @@ def read_message(where: str, message: MessageType, values: Sequence[str]) -> Mes
             )
         )
     return message_of(message, {name: _value(where, name, fields[name], given[name]) for name in fields})
+
+
+def _without_type(message: MessageType, values: Sequence[str]) -> Sequence[str]:
+    """The values, without the type that people write in front of them for other tools."""
+    if len(values) < 2 or values[0].rpartition("/")[2] != message.name:
+        return values
+    fields = message.leaves
+    is_named = values[1].partition("=")[0] in fields and "=" in values[1]
+    is_sentence = len(fields) == 1 and _is_text(next(iter(fields.values())))
+    return values[1:] if is_named or (len(values) == len(fields) + 1 and not is_sentence) else values
 
 
 def _no_field(where: str, name: str, here: str, fields: Mapping[str, LeafType], text: str) -> ConfigError:

@@ -7,6 +7,7 @@ import secrets
 from collections.abc import Sequence
 
 from msbot.config import Binding, Direction, MessageType, Port, SlotPort
+from msbot.operations.described_parts import free_topic_name
 from msbot.operations.manual_control import check_ranges, read_message
 from msbot.operations.operation import Outcome
 from msbot.operations.running_robot import RunningRobot, endpoint_of
@@ -44,6 +45,7 @@ class ServiceCalls:
             ConfigError: no such port, it is not wired, or the values make no request.
             CallError: there is no reply; the text says why.
         """
+        self._check_is_port(port)
         end = endpoint_of(self._running, port)
         declared = self._port(end)
         assert declared.message is not None
@@ -120,6 +122,23 @@ class ServiceCalls:
             raise found
         return found
 
+    def _check_is_port(self, word: str) -> None:
+        """Name the port that is meant by the name of a service.
+
+        Whoever asks is checked by the slot of the port, so the name alone calls nothing.
+        """
+        for binding in self._running.blueprint.bindings:
+            if binding.topic == word.lstrip("/") and "." not in word:
+                raise ConfigError(
+                    said(
+                        "{word} is the name of a wire: call the port that serves it: msbot call {port} VALUE...",
+                        word=word,
+                        port=str(binding.source),
+                    )
+                    if service_type(binding.type_name) is not None and binding.source.slot
+                    else said("{word} is no service of a part: msbot topic info {word} shows what it is", word=word)
+                )
+
     def _check_holder(self, end: SlotPort) -> None:
         if why := self._running.master.inventory.why_unserved(end.slot):
             raise CallError(said("nobody serves {port} now: {why}", port=str(end), why=why))
@@ -165,7 +184,7 @@ class ServiceCalls:
             said(
                 "no wire leads to {port}: make one, for example msbot bind {name} --type '{type}' --from {port}",
                 port=str(end),
-                name=end.port,
+                name=free_topic_name(self._running.blueprint, end),
                 type=declared.type_name,
             )
         )

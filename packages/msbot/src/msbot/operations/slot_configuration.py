@@ -143,7 +143,10 @@ class Wires:
         making = partial(
             wires.bind, topic=topic, type_name=type_name, source=start, targets=ends, reliable=reliable, move=move
         )
-        return outcome_of(await self._robot.change(who, making))
+        try:
+            return outcome_of(await self._robot.change(who, making))
+        except wires.NothingToChange as so:
+            return Outcome(str(so))
 
     async def unbind(self, topic: str, port: str | None, who: str) -> Outcome:
         """Disconnect a port, or all ports, from a topic."""

@@ -109,4 +109,5 @@ def _as_json(edit: EditRecord) -> dict[str, object]:
         "slot": edit.slot,
         "words": edit.words,
         "undone": edit.undone,
+        "can_be_undone": edit.is_kept and not edit.undone,
     }

@@ -82,12 +82,14 @@ class _Turn:
 class Guard:
     """Calls handlers and keeps their errors away from the part."""
 
-    def __init__(self, mistake: Callable[[ConfigError], None]) -> None:
+    def __init__(self, mistake: Callable[[ConfigError], None], failed: Callable[[str], None] = lambda _: None) -> None:
         """Make a guard.
 
         Args:
             mistake: called with a ConfigError raised by a handler: a mistake that must be fixed in the program.
+            failed: called once with each other error of a handler, in words.
         """
+        self._failed_words = failed
         self.part = ""
         """What the part is called; known when it runs."""
         self.errors = 0
@@ -199,12 +201,14 @@ class Guard:
             self.report(_name(function), words, kind="slow")
         return not failed
 
-    def report(self, where: str, what: str, *, kind: str = "") -> None:
-        """Say something once for each place and kind; without a kind, once for each text."""
+    def report(self, where: str, what: str, *, kind: str = "") -> bool:
+        """Say something once for each place and kind; without a kind, once for each text. False: it was said."""
         key = (where, kind or what)
-        if key not in self._reported and len(self._reported) < MAX_REPORTS:
-            self._reported.add(key)
-            _log.error("%s: %s", where, what)
+        if key in self._reported or len(self._reported) >= MAX_REPORTS:
+            return False
+        self._reported.add(key)
+        _log.error("%s: %s", where, what)
+        return True
 
     def _shown(self, function: Callable[..., object]) -> str:
         """What people know it by: a function of theirs by its name, one of MsBOT's by its part."""
@@ -216,8 +220,9 @@ class Guard:
         if isinstance(error, ConfigError):
             self._mistake(ConfigError(f"{where}: {error}"))
             return
-        words = f"{type(error).__name__}: {error} (said once, counted from now on)"
-        self.report(where, words, kind=type(error).__name__)
+        words = f"{type(error).__name__}: {error}"
+        if self.report(where, f"{words} (said once, counted from now on)", kind=type(error).__name__):
+            self._failed_words(f"{where}: {words}")
         _log.debug("%s: the whole story (-v)", where, exc_info=error)
 
 

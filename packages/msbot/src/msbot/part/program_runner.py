@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import threading
+import time
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
@@ -21,7 +22,7 @@ from msbot.part.handler_guard import Guard, check_handler
 from msbot.part.join.joining import PATIENT, QUICK, Changed, ExpectedRobot, Joining, JoinState
 from msbot.part.join.membership import Membership
 from msbot.part.join.part_keys import prove, prove_sealed
-from msbot.part.join.part_log import LogLevel, printable
+from msbot.part.join.part_log import BURST, PER_S, LineRate, LogLevel, printable
 from msbot.part.join.pnp_messages import (
     STOP_SETTING,
     BindingDirection,
@@ -31,7 +32,7 @@ from msbot.part.join.pnp_messages import (
     Notice,
     NoticeKind,
 )
-from msbot.part.join.refusal import displayed_state
+from msbot.part.join.refusal import displayed_state, refusal_hint
 from msbot.part.messages.message import Message
 from msbot.part.part_services import PartCalls, PartServices
 from msbot.part.part_settings import Settings
@@ -41,6 +42,7 @@ from msbot.part.range_watch import RangeWatch
 from msbot.part.safe_state import Safety
 from msbot.part.type_reports import TypeTelling
 from msbot_agent.link import Link, Peer, Signal
+from msbot_agent.log import ALWAYS
 from msbot_xrce.errors import ConfigError, LocalProtocolError, RemoteProtocolError
 from msbot_xrce.lazy import dataclass
 
@@ -125,7 +127,7 @@ class ProgramRunner:
 
     def __init__(self, program: ProgramDeclarations) -> None:
         self.program = program
-        self.guard = Guard(self._mistaken)
+        self.guard = Guard(self._mistaken, self._tell_robot)
         self.ranges = RangeWatch()
         """What it publishes, and what the library says of that."""
         self.settings = Settings(self.guard, program.settings)
@@ -134,6 +136,7 @@ class ProgramRunner:
         """The state of the part; between runs, that of the last run."""
         self.slot = ""
         """The slot that the part is in, "" before it is active for the first time."""
+        self._own_lines = LineRate(PER_S, BURST)
         self.trouble_heard = False
         """See `Part.trouble_heard`."""
         self._local_name = ""
@@ -339,9 +342,16 @@ class ProgramRunner:
     def log(self, text: str, level: LogLevel) -> None:
         """See `Part.log`."""
         line = printable(text)
-        _log.log(_LEVELS[level], "%s: %s", self._local_name or "part", line)
+        # What a program writes is shown however often it says the same; a flood is bounded as all other lines are.
+        shown = {ALWAYS: True} if self._own_lines.passes(time.monotonic()) else None
+        _log.log(_LEVELS[level], "%s: %s", self._local_name or "part", line, extra=shown)
         if self._membership is not None:
             self._membership.say_log(level, line)
+
+    def _tell_robot(self, words: str) -> None:
+        """Say an error of the program in the robot's log, too: people there do not see this terminal."""
+        if self._membership is not None:
+            self._membership.say_log(LogLevel.ERROR, printable(words))
 
     def end(self) -> None:
         """End `run` cleanly (`Part.end`)."""
@@ -358,6 +368,7 @@ class ProgramRunner:
 
     def _changed(self, change: Changed) -> None:
         told = f"is {displayed_state(change.after.value, change.reason)}: {change.reason}"
+        told += refusal_hint(change.reason, self._local_name) if change.after is JoinState.REFUSED else ""
         _log.info("%s %s", self._local_name, "has ended" if change.after is JoinState.ENDED else told)
         assert self._ports is not None
         if change.after is JoinState.CONFIGURING:

@@ -156,7 +156,7 @@ class Matcher:
             return _refuse(
                 evidence, Refusal.UNKNOWN_PART, said("part number {number} is not in the library", number=number)
             )
-        evidence.append((said("library"), said("{number} is a {type}", number=number, type=said(part_type.name))))
+        evidence.append((said("library"), said("{number}: {type}", number=number, type=said(part_type.name))))
         if part_type.number != number and (blocked := self._store.blocked(uid, part_type.number)) is not None:
             return _refuse(evidence, Refusal.BLOCKED, said("blocked: {blocked}", blocked=blocked))
         evidence.append((said("blocked"), said("no")))

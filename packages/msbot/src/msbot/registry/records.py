@@ -123,6 +123,9 @@ class EditRecord:
     placed_before: tuple[tuple[bytes, str | None], ...] = ()
     """The same UIDs, and the slots that they belonged in before."""
     can_be_undone: bool = False
+    """Whether an undo without a number may take it back."""
+    is_kept: bool = True
+    """Whether what was before it is kept, so that an undo by its number can restore it."""
     """Whether `undo` without a number can take it back."""
 
 

@@ -98,7 +98,7 @@ def test_the_commands_change_the_robot_that_runs(tmp_path: Path) -> None:
             "DD takes slot BB in place of BB, which stands by (`msbot undo 1` takes it back)"
         )
         assert stage.slot("DD") == "BB"
-        assert (await typed("undo")).startswith("edit 1 undone: ")
+        assert (await typed("undo")).startswith("change 1 undone: ")
         assert stage.slot("BB") == "BB"
         assert (await typed("release", "BB")).startswith("BB is released from slot BB")
         assert stage.slot("DD") == "BB"
@@ -118,8 +118,8 @@ def test_the_commands_change_the_robot_that_runs(tmp_path: Path) -> None:
         assert (await typed("unbind", topic, "BB.in")).startswith(f"BB.in is taken off topic {topic}")
         assert "topic" in await typed("bind", topic, "--type", "HelloWorld", "--to", "BB.in", "--best-effort")
         listed = (await typed("undo", "--list")).splitlines()
-        assert "edit 1 undone" in "\n".join(listed)
-        assert sum("(taken back)" in line for line in listed) == 1
+        assert "change 1 undone" in "\n".join(listed)
+        assert sum("(undone)" in line for line in listed) == 1
 
     scene_with(tmp_path, act)
 
@@ -234,7 +234,7 @@ def test_which_robot_is_meant(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
 def test_while_nobody_runs_the_database_is_changed(tmp_path: Path) -> None:
     scene_with(tmp_path, lambda _: None)
     assert command("release", "BB").startswith("BB is released from slot BB")
-    assert command("undo").startswith("edit 1 undone")
+    assert command("undo").startswith("change 1 undone")
     assert "NOT delivered: no master of this robot runs here" in command("stop")
     assert "has no robot 'NOBODY'; there are MSBOT_MASTER" in command("undo", "--robot", "NOBODY")
     assert perform("robot.db", None, "edits", {})["edits"]

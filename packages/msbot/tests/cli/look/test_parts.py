@@ -93,7 +93,7 @@ def test_a_part_is_forgotten_when_that_is_confirmed() -> None:
     assert answer["words"] == "old (WXYZ) is forgotten"
     assert "old" not in listed("--all")
     done = CliRunner().invoke(undo_command, [str(answer["edit"])], catch_exceptions=False)
-    assert done.output == f"edit {answer['edit']} undone: old (WXYZ) is forgotten\n"
+    assert done.output == f"change {answer['edit']} undone: old (WXYZ) is forgotten\n"
     assert "old" in listed("--all")
     with pytest.raises(ConfigError, match="no part is known as 'olt'; did you mean old"):
         said("forget", "olt", "--yes")

@@ -209,7 +209,7 @@ def test_the_rules_are_told_in_the_order_in_which_they_were_tried(tmp_path: Path
     lines = why(tmp_path, every_slot_taken).splitlines()
     rules = [line.strip(" -").partition(":")[0] for line in lines if line.startswith("  - ")]
     assert rules == ["claim", "library", "blocked", "slots", "same UID as before", "slot"]
-    assert "  - library: EFGH is a Toggle switch" in lines
+    assert "  - library: EFGH: Toggle switch" in lines
 
 
 def test_a_part_that_no_slot_is_clear_for_is_told_to_wait_for_a_person(tmp_path: Path) -> None:

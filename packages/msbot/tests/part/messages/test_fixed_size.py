@@ -132,7 +132,7 @@ def test_fields_nobody_sets_are_zeros_of_the_right_number() -> None:
     ("change", "words"),
     [
         ({"mode": 7}, "Grid.mode cannot be 7: Mode needs one of Mode.OFF, Mode.ON, Mode.BLINK"),
-        ({"cells": [1, 2]}, "a list of exactly 3, each element a whole number from 0 to 65535"),
+        ({"cells": [1, 2]}, "Grid.cells must have exactly 3 elements; it has 2"),
         ({"cells": [1, 2, 65536]}, r"Grid.cells\[2\] cannot be 65536: uint16 needs a whole number from 0 to 65535"),
     ],
 )

@@ -252,6 +252,8 @@ class PlainRobot:
                 ends[at] = replace(ends[at], type_name=type_name, in_use=True)
             else:
                 ends[at] = Wire(topic, *at[:2], type_name, publishes, reliable, "hand")
+        if not left and list(ends.values()) == list(self._ends(topic)):
+            raise ConfigError(f"topic {topic} joins these ports already")
         self._write_topic(topic, list(ends.values()))
         types = sorted({end.type_name for end in self._ends(topic) if end.in_use})
         if len(types) > 1:
@@ -289,19 +291,23 @@ class PlainRobot:
             found = [line for line in mine if line.id == number]
             if not found:
                 raise ConfigError(
-                    f"there is no edit {number} of this robot; the last ones are shown by `msbot undo --list`"
+                    f"there is no change {number} of this robot; the last ones are shown by `msbot undo --list`"
                 )
             line = found[0]
             if line.undone_by is not None:
-                raise ConfigError(f"edit {number} ({line.words}) is undone already, by edit {line.undone_by}")
+                raise ConfigError(f"change {number} ({line.words}) is undone already, by change {line.undone_by}")
         if line.before is None:
-            raise ConfigError(f"edit {line.id} ({line.words}) cannot be undone: change it again")
+            raise ConfigError(f"change {line.id} ({line.words}) cannot be undone: change it again")
         if line.after[0] != "place" and self._now(line.after) != line.after:
             raise ConfigError(
-                f"edit {line.id} ({line.words}) cannot be undone: it has been changed since; undo what came later first"
+                f"change {line.id} ({line.words}) cannot be undone: "
+                "it has been changed since; undo what came later first"
             )
         self._write(line.before, who, now)
-        words = f"edit {line.id} undone: {line.words}"
+        row, again = line, False
+        while row.kind == "undo" and (undone := [one for one in self.shared.lines if one.undone_by == row.id]):
+            row, again = undone[0], not again
+        words = f"change {row.id} {'made again' if again else 'undone'}: {row.words}"
         made = self._line(who, now, "undo", words, line.after, line.before, line.slot)
         for one in self.shared.lines:
             if one.undone_by == line.id:

@@ -65,7 +65,7 @@ def test_a_value_set_by_hand_holds_is_recorded_and_undone(registry: Registry, ro
     assert store.configuration("left").version == 2
     assert dict(store.configuration("left").settings)["period_s"] == "2.5"
     undone = Hand(registry).undo(robot, None, "Bob")
-    assert (undone.kind, undone.words) == ("undo", "edit 1 undone: period_s of left: 1 s -> 2.5 s")
+    assert (undone.kind, undone.words) == ("undo", "change 1 undone: period_s of left: 1 s -> 2.5 s")
     assert _period(registry, robot) == (1, "blueprint", "")
     assert store.configuration("left").version == 3
     assert [(edit.id, edit.who, edit.undone) for edit in registry.edits.latest(robot)] == [
@@ -424,12 +424,13 @@ def test_what_cannot_be_undone(registry: Registry, robot: RobotRecord) -> None:
     first = Hand(registry).set_value(robot, "left", "period_s", 2, "Ann")
     Hand(registry).set_value(robot, "left", "period_s", 3, "Ann")
     assert _refused(Hand(registry).undo, robot, first.id, "Ann") == (
-        "edit 1 (period_s of left: 1 s -> 2 s) cannot be undone: it has been changed since; undo what came later first"
+        "change 1 (period_s of left: 1 s -> 2 s) cannot be undone: "
+        "it has been changed since; undo what came later first"
     )
-    assert "there is no edit 77 of this robot" in _refused(Hand(registry).undo, robot, 77, "Ann")
+    assert "there is no change 77 of this robot" in _refused(Hand(registry).undo, robot, 77, "Ann")
     Hand(registry).undo(robot, 2, "Ann")
     assert _refused(Hand(registry).undo, robot, 2, "Ann") == (
-        "edit 2 (period_s of left: 2 s -> 3 s) is undone already, by edit 3"
+        "change 2 (period_s of left: 2 s -> 3 s) is undone already, by change 3"
     )
     registry.robots.apply_blueprint(replace(ROBOT, slots=(Slot("leg", "LEG"),), bindings=()), Library([*LIBRARY]))
     assert "there is no slot 'left'" in _refused(Hand(registry).undo, robot, first.id, "Ann")
@@ -439,7 +440,7 @@ def test_robots_have_their_own_edits(registry: Registry, robot: RobotRecord) -> 
     other = registry.robots.apply_blueprint(replace(ROBOT, robot=replace(ROBOT.robot, name="R3")), LIBRARY)
     edit = Hand(registry).set_value(robot, "left", "period_s", 2, "Ann")
     assert registry.edits.latest(other) == []
-    assert "there is no edit" in _refused(Hand(registry).undo, other, edit.id, "Ann")
+    assert "there is no change" in _refused(Hand(registry).undo, other, edit.id, "Ann")
 
 
 # When the database cannot be written

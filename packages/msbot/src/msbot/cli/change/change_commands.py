@@ -17,7 +17,7 @@ import click
 from msbot.cli import completers
 from msbot.cli.change.robot_access import perform, say
 from msbot.cli.change.stop_commands import ChosenRobots, say_go
-from msbot.cli.message_input import typed_values
+from msbot.cli.message_input import is_message, typed_values
 from msbot.cli.robot_options import robot_and_json_options, robot_options, stop_group_option, wants_json
 from msbot.config import scalar_text
 from msbot.operations.operation import Argument, ArgumentKind, Operation
@@ -57,7 +57,9 @@ def _arguments(operation: Operation, given: Mapping[str, object]) -> dict[str, o
         if argument.kind is ArgumentKind.FLAG:
             value = bool(value) != argument.default  # the option reverses the default
         if argument.name == MESSAGE and isinstance(value, tuple):
-            value = typed_values(value)
+            # A type in front of a whole message, as other tools want it, is checked by the master.
+            is_typed = len(value) == 2 and is_message(value[1]) and not is_message(value[0])
+            value = [value[0], *typed_values(value[1:])] if is_typed else typed_values(value)
         wish[argument.name] = list(value) if isinstance(value, tuple) else value
     return wish
 
@@ -237,8 +239,14 @@ def undo_command(number: int | None, last: int, db: str | None, robot: str | Non
                 str(edit["id"]),
                 datetime.fromtimestamp(edit["at_ns"] / 1e9).strftime("%Y-%m-%d %H:%M:%S"),
                 edit["who"],
-                f"{edit['words']}{' (taken back)' if edit['undone'] else ''}",
+                f"{edit['words']}{_undo_mark(edit)}",
             )
             for edit in reversed(edits)
         ],
     )
+
+
+def _undo_mark(edit: Mapping[str, Any]) -> str:
+    if edit["undone"]:
+        return " (undone)"
+    return "" if edit.get("can_be_undone", True) else " (cannot be undone)"

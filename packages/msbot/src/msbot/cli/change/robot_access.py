@@ -24,6 +24,10 @@ if TYPE_CHECKING:
     from msbot.registry import RobotRecord
 
 
+FOLLOWED = ("bind", "unbind", "set", "reset")
+"""Operations after which parts of a running robot do something else at once."""
+MOST_NAMED = 4
+"""Robots that run elsewhere, in one sentence."""
 MOST_DIFFERENCES = 10
 """Ports with other messages than the library's that a master tells other programs of."""
 
@@ -90,6 +94,8 @@ def perform(db: str | None, robot: str | None, do: str, args: Mapping[str, objec
     answer = _on_database(path, robot, request) if running is None else running.ask(request, waits_s=waits_s)
     if "error" in answer:
         raise ConfigError(str(answer["error"]))
+    if running is None and do in FOLLOWED:
+        answer["runs"] = False
     return answer
 
 
@@ -107,6 +113,8 @@ def say(db: str | None, robot: str | None, do: str, args: Mapping[str, object]) 
         return answer
     undo = f" (`msbot undo {answer['edit']}` takes it back)" if "edit" in answer and do != "undo" else ""
     click.echo(f"{answer['words']}{undo}")
+    if answer.get("runs") is False:
+        click.echo("no master runs this robot now: it is saved, and counts when one does")
     return answer
 
 
@@ -121,6 +129,16 @@ def running_master(db: str | None, robot: str | None) -> RunningProcess | None:
     return _find(database_identity(path) if is_named else None, robot)
 
 
+def other_robots(db: str | None, robot: str | None) -> str:
+    """How to go on where no master runs the robot that is meant: which robots run elsewhere, or how one is started."""
+    others = [process.details for process in running_processes() if process.what == MASTER]
+    if not others or robot is not None:
+        return ": `msbot master robot.toml` or `msbot demo` starts one"
+    meant = db or database_here()
+    names = ", ".join(map(robot_words, others[:MOST_NAMED]))
+    return f" for {meant}; on this computer runs {names}: --db FILE names its database"
+
+
 class MasterConnection:
     """The running master, for commands that ask it again and again.
 
@@ -131,7 +149,7 @@ class MasterConnection:
     def __init__(self, db: str | None, robot: str | None) -> None:
         master = running_master(db, robot)
         if master is None:
-            raise ConfigError("no master runs here: `msbot master robot.toml` or `msbot demo` starts one")
+            raise ConfigError(f"no master runs here{other_robots(db, robot)}")
         self._master: RunningProcess = master
 
     def ask(self, do: str, **given: object) -> dict[str, Any]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+import re
 from collections.abc import Iterator, Mapping
 from datetime import datetime
 from enum import Enum
@@ -15,6 +16,8 @@ from msbot_agent.text.sentence import as_cell, printable
 from msbot_xrce.errors import ConfigError
 
 LARGEST_FLOAT32 = 3.4e38
+_PLACES = re.compile(r"([^.\[\]]+)|\[([0-9]{1,9})\]")
+"""The steps to a field inside others: names, and places in lists."""
 
 
 class TimeForm(Enum):
@@ -83,7 +86,13 @@ class MessageOutput:
 
 def _chosen(fields: object, path: str, topic: str) -> object:
     value = fields
-    for name in path.split(".") if path else ():
+    for name, place in _PLACES.findall(path):
+        if place:
+            if not isinstance(value, list) or int(place) >= len(value):
+                has = f"it has {len(value)} elements there" if isinstance(value, list) else "that is no list"
+                raise ConfigError(f"a message of {topic} has no {path!r}; {has}")
+            value = value[int(place)]
+            continue
         if not isinstance(value, dict) or name not in value:
             known = ", ".join(value) if isinstance(value, dict) else "none"
             raise ConfigError(f"a message of {topic} has no field {path!r}; it has {known}")

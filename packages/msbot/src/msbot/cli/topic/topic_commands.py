@@ -61,6 +61,26 @@ class RobotTopics(MasterConnection):
         raise ConfigError(f"this robot has no topic {name!r}; {hint}")
 
 
+def _check_is_topic(meant: Mapping[str, Any]) -> None:
+    """Refuse a service, whose requests and replies no topic shows.
+
+    Raises:
+        ConfigError: it is one; the text says what calls it.
+    """
+    if meant["service"]:
+        port = _ends(meant["publishers"])
+        how = f"`msbot call {port} VALUE...` calls it" if meant["publishers"] else "a node of ROS 2 serves it"
+        raise ConfigError(f"{meant['topic']} is a service, and no topic: {how}")
+
+
+def _say_if_empty(meant: Mapping[str, Any]) -> None:
+    """Say why nothing may come: the slots that publish have no part."""
+    empty = [end["slot"] for end in meant["publishers"] if not end["part"]]
+    if empty and len(empty) == len(meant["publishers"]):
+        slots = f"slot {empty[0]} is" if len(empty) == 1 else f"slots {', '.join(empty)} are"
+        click.echo(f"msbot: {slots} empty: no part publishes on {meant['topic']} now", err=True)
+
+
 def _type_given(topic: str, type_name: str | None, meant: Mapping[str, Any]) -> str | None:
     if meant["free"] and not type_name:
         raise ConfigError(f"{topic} is a free topic, of any type: name its type behind it, as HelloWorld")
@@ -107,7 +127,8 @@ def list_(
     else:
         for one in topics:
             name = printable(one["topic"])
-            click.echo(f"{name} [{one['type'] or 'free'}]" if show_types else name)
+            kind = f" [{one['type'] or 'free'}]" if show_types else " (service)" if one["service"] else ""
+            click.echo(f"{name}{kind}")
 
 
 def _row(topic: Mapping[str, Any]) -> tuple[str, ...]:
@@ -139,7 +160,8 @@ def info(topic: str, db: str | None, robot: str | None, *, verbose: bool, as_jso
     for title, key in zip(titles, ("publishers", "subscribers"), strict=True):
         click.echo(f"{title} count: {len(found[key])}")
         for end in found[key]:
-            part = f"  ({end['part'] or 'no part in the slot'})" if verbose else ""
+            part = f"  ({end['part']})" if verbose and end["part"] else ""
+            part = part or ("" if end["part"] else f"  (slot {end['slot']} is empty)")
             click.echo(f"  {end['slot']}.{end['port']}{part}")
     if found["service"]:  # people's requests are not published by a part
         click.echo(f"Requests so far: {found['delivered']} delivered")
@@ -209,6 +231,8 @@ def echo(
     asked = RobotTopics(db, robot)
     meant = asked.topic(topic)
     _type_given(topic, type_name, meant)
+    _check_is_topic(meant)
+    _say_if_empty(meant)
     form = None if times is None else TimeForm(times)
     output = MessageOutput(meant["topic"], field=field, as_csv=as_csv, as_json=as_json, times=form)
     most = 1 if once else count
@@ -315,6 +339,8 @@ def _reports(
 ) -> None:
     meant = asked.topic(topic)
     _type_given(topic, type_name, meant)
+    _check_is_topic(meant)
+    _say_if_empty(meant)
     seen, messages, reported = MessageWindow(window), 0, 0
     next_at = time.monotonic() + REPORT_S
     try:
@@ -366,8 +392,11 @@ def pub(
     """
     if once and (rate is not None or times is not None):
         raise click.UsageError("--once is one message: leave --rate and --times out")
+    if topic == "-1" and len(values) > 1:  # that is how ros2 writes --once; in front of values it is a number
+        topic, values = values[0], values[1:]
     asked = RobotTopics(db, robot)
     meant = asked.topic(topic)
+    _check_is_topic(meant)
     type_name, wanted = _type_and_values(meant, values)
     _type_given(topic, type_name, meant)
     most = times if rate is not None or times is not None else 1
@@ -386,11 +415,18 @@ def pub(
         click.echo(f"\n{meant['topic']}: {amount(done, 'message')} published", err=True)
 
 
+def _takes_a_text(meant: Mapping[str, Any]) -> bool:
+    return len(meant["fields"]) == 1 and str(meant["fields"][0][1]).startswith("string")
+
+
 def _type_and_values(meant: Mapping[str, Any], words: tuple[str, ...]) -> tuple[str | None, list[str]]:
     """The type, if it was written, and the values."""
     first, *others = words
     type_name = None
     of_this_type = first.rpartition("/")[2] == meant["type"]
+    if of_this_type and not others and not _takes_a_text(meant):
+        fields = ", ".join(f"{name} ({kind})" for name, kind in meant["fields"])
+        raise ConfigError(f"{meant['topic']}: the values are missing behind {first}: {fields}")
     if others and (meant["free"] or of_this_type or (len(words) == 2 and is_message(words[1]))):
         type_name, words = first.rpartition("/")[2], tuple(others)
     return type_name, typed_values(words, [name for name, _ in meant["fields"]])

@@ -355,6 +355,15 @@ def _check_port(
             ),
             *steps,
         )
+    elif port.direction is _SERVICE_ENDS.get(direction):
+        table.report(
+            said(
+                '"{endpoint}" is a port of a service: write its type with both messages, "{type_name}"',
+                endpoint=endpoint,
+                type_name=port.type_name,
+            ),
+            *steps,
+        )
     elif port.direction is not direction:
         table.report(
             said(
@@ -379,6 +388,10 @@ def _check_port(
     else:
         return True
     return False
+
+
+_SERVICE_ENDS = {Direction.PUBLISH: Direction.SERVE, Direction.SUBSCRIBE: Direction.CALL}
+"""What a port may be where the type of the binding makes it a topic, and the port says that it is a service."""
 
 
 def _fitting(part_type: PartType, wanted: Direction) -> str:

@@ -175,8 +175,15 @@ class Parameter:
         unit = f" {self.unit}" if self.unit else ""
         # Written so that a NaN is out of range too.
         if (self.least is not None and not value >= self.least) or (self.most is not None and not value <= self.most):
-            low = said("any") if self.least is None else f"{self.least:g}"
-            high = said("any") if self.most is None else f"{self.most:g}"
+            if self.most is None:
+                return said(
+                    "is {value}; it must be at least {low}{unit}", value=value, low=f"{self.least:g}", unit=unit
+                )
+            if self.least is None:
+                return said(
+                    "is {value}; it must be at most {high}{unit}", value=value, high=f"{self.most:g}", unit=unit
+                )
+            low, high = f"{self.least:g}", f"{self.most:g}"
             return said("is {value}; it must be {low} to {high}{unit}", value=value, low=low, high=high, unit=unit)
         return None
 

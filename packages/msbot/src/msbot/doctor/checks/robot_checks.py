@@ -164,7 +164,9 @@ def _parts(facts: RobotFacts) -> Iterator[Finding]:
                     count=len(reasons),
                     reason=reasons[-1],
                 ),
-                said("it is plugged in and takes no part in the robot"),
+                said("it was plugged in and took no part in the robot")
+                if PartState(part.state).is_over
+                else said("it is plugged in and takes no part in the robot"),
                 said("its claim, and a refusal, again and again"),
                 f"msbot why {part.name}",
             )

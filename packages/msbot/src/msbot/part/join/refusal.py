@@ -35,6 +35,13 @@ def displayed_state(state: str, reason: str) -> str:
     return STANDBY if state == "refused" and reason == Refusal.NO_SLOT.describe else state
 
 
+def refusal_hint(reason: str, part: str) -> str:
+    """What a person at the part can do about a refusal, to be written behind the reason; empty: nothing at the part."""
+    if reason == Refusal.DUPLICATE.describe:
+        return "; if this program runs already on this computer, end that one, or give this one a UID: --uid HEX"
+    return f"; `msbot why {part}` says which" if reason == Refusal.NO_SLOT.describe else ""
+
+
 _REFUSALS = {
     Refusal.UNKNOWN_PART: "this part number is not in the library",
     Refusal.BLOCKED: "this part is blocked",

@@ -374,6 +374,8 @@ def _misfit(cls: type[Message], field: Field, value: object) -> str:
     while (inner := _misfit_inside(codec, value)) is not None:
         step, codec, value = inner
         name += step
+    if codec.most is not None and isinstance(value, type(codec.zero())) and (fault := codec.size_fault(value)):
+        return f"{cls.__name__}.{name} {fault}"
     shown = repr(value)
     if len(shown) > LONGEST_SHOWN:
         shown = f"{shown[:LONGEST_SHOWN]}..."

@@ -92,6 +92,20 @@ class FieldCodec:
     """Of a message class or an `IntEnum`, or a list of them: the class."""
     element: FieldCodec | None = None
     """Of a list, and of bytes: what is in it."""
+    most: int | None = None
+    """Elements, octets of a text or of bytes, that it may have; None: any number."""
+    is_exact: bool = False
+    """Whether it always has so many."""
+
+    def size_fault(self, value: object) -> str:
+        """What is wrong with the size of a value of the right kind; empty: nothing, or another kind."""
+        if self.most is None or not isinstance(value, str | bytes | list):
+            return ""
+        size = _size_of(value)
+        if size <= self.most and not (self.is_exact and size < self.most):
+            return ""
+        unit = "elements" if isinstance(value, list) else "bytes"
+        return f"must have {'exactly' if self.is_exact else 'at most'} {self.most} {unit}; it has {size}"
 
 
 RecordCodec = Callable[[object], FieldCodec | None]
@@ -157,7 +171,13 @@ def _at_most(codec: FieldCodec, limit: int) -> FieldCodec:
 
     kind = f"text<={limit}" if codec.kind == "text" else codec.kind.replace("[]", f"[<={limit}]")
     return replace(
-        codec, word=f"{codec.word} ({words})", needs=f"{codec.needs}, {words}", fits=fits, read=read, kind=kind
+        codec,
+        word=f"{codec.word} ({words})",
+        needs=f"{codec.needs}, {words}",
+        fits=fits,
+        read=read,
+        kind=kind,
+        most=limit,
     )
 
 
@@ -322,6 +342,8 @@ def _array(element: FieldCodec, length: int) -> FieldCodec:
         kind=_list_kind(element, str(length)),
         inside=element.inside,
         element=element,
+        most=length,
+        is_exact=True,
     )
 
 

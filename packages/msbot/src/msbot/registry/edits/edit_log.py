@@ -106,6 +106,7 @@ def _edit(row: Row[tuple[object, ...]]) -> EditRecord:
         placed=_placed(row.after),
         placed_before=_placed(row.before),
         can_be_undone=row.undone_by is None and row.kind in UNDOABLE,
+        is_kept=bool(row.before),
     )
 
 

@@ -19,7 +19,7 @@ from msbot.registry.edits.part_places import SlotMemory, UndoablePlace
 from msbot.registry.edits.slot_values import UndoableSetting
 from msbot.registry.edits.wires import UndoableTopic, UndoableTopics
 from msbot.registry.records import UNDOABLE, EditKind, EditRecord, RobotRecord
-from msbot_agent.text.sentence import said
+from msbot_agent.text.sentence import Sentence, said
 from msbot_xrce.errors import ConfigError
 from msbot_xrce.lazy import dataclass
 
@@ -132,22 +132,34 @@ def undo(connection: Connection, author: Author, number: int | None) -> EditReco
     """
     row = _find(connection, author.robot, number)
     if not row.before:
-        raise ConfigError(said("edit {id} ({edit}) cannot be undone: change it again", id=row.id, edit=words_of(row)))
+        raise ConfigError(said("change {id} ({edit}) cannot be undone: change it again", id=row.id, edit=words_of(row)))
     before, after = read_cell(row.before), read_cell(row.after)
     if not isinstance(after, UndoablePlace) and after.as_it_is(connection, author.robot) != after:
         raise ConfigError(
             said(
-                "edit {id} ({edit}) cannot be undone: it has been changed since; undo what came later first",
+                "change {id} ({edit}) cannot be undone: it has been changed since; undo what came later first",
                 id=row.id,
                 edit=words_of(row),
             )
         )
     before.write(connection, author)
-    words = said("edit {id} undone: {edit}", id=row.id, edit=words_of(row))
+    words = _undone_words(connection, row)
     made = record(connection, author, EditKind.UNDO, words, slot=row.slot, before=after, after=before)
     connection.execute(update(edits).where(edits.c.undone_by == row.id).values(undone_by=None))
     connection.execute(update(edits).where(edits.c.id == row.id).values(undone_by=made.id))
     return made
+
+
+def _undone_words(connection: Connection, row: Row[tuple[object, ...]]) -> Sentence:
+    """What an undo does; that of an undo names what counts again, not a chain of undos."""
+    again = False
+    while row.kind == EditKind.UNDO.value:
+        undone = connection.execute(select(edits).where(edits.c.undone_by == row.id)).one_or_none()
+        if undone is None:  # it was taken back itself meanwhile, or is no longer kept
+            break
+        row, again = undone, not again
+    form = "change {id} made again: {edit}" if again else "change {id} undone: {edit}"
+    return said(form, id=row.id, edit=words_of(row))
 
 
 def apply_blueprint(
@@ -191,13 +203,14 @@ def _find(connection: Connection, robot_id: int, number: int | None) -> Row[tupl
     if row is None:
         raise ConfigError(
             said(
-                "there is no edit {number} of this robot; the last ones are shown by `msbot undo --list`", number=number
+                "there is no change {number} of this robot; the last ones are shown by `msbot undo --list`",
+                number=number,
             )
         )
     if row.undone_by is not None:
         raise ConfigError(
             said(
-                "edit {number} ({edit}) is undone already, by edit {undone_by}",
+                "change {number} ({edit}) is undone already, by change {undone_by}",
                 number=number,
                 edit=words_of(row),
                 undone_by=row.undone_by,

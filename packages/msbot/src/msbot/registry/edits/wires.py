@@ -25,6 +25,10 @@ from msbot_xrce.errors import ConfigError
 from msbot_xrce.lazy import dataclass
 
 
+class NothingToChange(ConfigError):
+    """What somebody asks for is so already; the text says it."""
+
+
 @dataclass(frozen=True, slots=True)
 class WireEnd:
     """One port that is, or was, bound to a topic."""
@@ -145,7 +149,10 @@ def bind(
 
     With `move`, the targets leave the topics that they hear so far.
 
+    Without a type, it is that of the topic, or of the first port that the library knows.
+
     Raises:
+        NothingToChange: it is so already.
         ConfigError: a port does not exist, has another direction or type, or is bound to another topic.
     """
     wanted = [] if source is None else [(source, True)]
@@ -160,11 +167,14 @@ def bind(
         gone = [end for end in cell.ends if end.endpoint in moved and not end.publishes]
         replace(cell, ends=_without(cell.ends, gone)).write(connection, author)
     before = UndoableTopic(topic).as_it_is(connection, author.robot)
+    type_name = type_name or _type_of(connection, author.robot, before, [port for port, _ in wanted])
     ends = {end.at: replace(end, reliable=reliable) for end in before.ends}
     for port, publishes in wanted:
         new = WireEnd(port.slot, port.port, type_name, publishes, reliable, "hand", in_use=True)
         old = ends.get(new.at)
         ends[new.at] = new if old is None else replace(old, type_name=type_name, in_use=True)
+    if not left and tuple(ends.values()) == before.ends:
+        raise NothingToChange(said("topic {topic} joins these ports already", topic=topic))
     UndoableTopic(topic, tuple(ends.values())).write(connection, author)
     _check(connection, author.robot, topic)
     return _bound(
@@ -172,6 +182,24 @@ def bind(
         author,
         UndoableTopics((before, *left)) if left else before,
         said("topic {topic} joins {value}", topic=topic, value=", ".join((str(port) for port, _ in wanted))),
+    )
+
+
+def _type_of(connection: Connection, robot_id: int, topic: UndoableTopic, ports: Sequence[SlotPort]) -> str:
+    """The type that a topic has, or gets from one of these ports."""
+    if used := next((end.type_name for end in topic.ends if end.in_use), ""):
+        return used
+    numbers = {slot.name: slot.part_number for slot in read_slots(connection, robot_id)}
+    known = read_library(connection, robot_id)
+    for end in ports:
+        part_type = known.get(numbers.get(end.slot, ""))
+        port = None if part_type is None else part_type.port(end.port)
+        if port is not None:
+            return port.type_name
+    raise ConfigError(
+        said(
+            "topic {topic!r}: the library does not know {port}: name the type, --type", topic=topic.topic, port=ports[0]
+        )
     )
 
 
