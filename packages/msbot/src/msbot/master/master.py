@@ -47,6 +47,9 @@ INVENTORY_KEY = 0x4D734D02
 AGENTS_KEY = 0x4D734D03
 """Client keys of the robot's own services; the gate refuses them to clients on any other link."""
 
+READY_S = 300.0
+"""How long the robot's own agent, in this same process, may take to serve the inventory. Only a slow or busy computer
+delays it; to end would be to begin anew, and the same would happen again."""
 STORED_S = 2.0
 """Longest time that a person who says STOP waits until it is stored."""
 TELL_S = 0.1
@@ -455,7 +458,7 @@ class Master:
                     tasks.create_task(self._master.run())
                     tasks.create_task(self._agents.run())
                     # No part is let in before the services can answer it.
-                    await self._inventory.until_ready()
+                    await self._inventory.until_ready(READY_S)
                     self._serving = True
                     for link in self._links:
                         self._serve(link)
