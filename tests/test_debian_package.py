@@ -15,7 +15,7 @@ import shutil
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import pytest
@@ -129,6 +129,11 @@ def test_a_processor_without_wheels_is_refused(tmp_path: Path) -> None:
 @pytest.fixture(scope="module")
 def archive() -> Path:
     """A clean Debian, packed."""
+    return clean_debian()
+
+
+def clean_debian() -> Path:
+    """A clean Debian, packed; the test is skipped where none can be made."""
     if os.geteuid() != 0 or not all(map(shutil.which, ("mmdebstrap", "dpkg-deb", "chroot"))):
         if NEEDED:
             pytest.fail("MSBOT_NEED_DEB is set, and there is no mmdebstrap, dpkg-deb or chroot, or this is not root")
@@ -150,12 +155,17 @@ def archive() -> Path:
 def root(archive: Path, tmp_path: Path) -> Iterator[Path]:
     """The clean Debian."""
     folder = tmp_path / "root"
-    folder.mkdir(mode=0o755)
-    subprocess.run(["tar", "--extract", "--file", str(archive), "--directory", str(folder)], check=True)
-    (folder / "dev/shm").mkdir(exist_ok=True)  # a system that was started has it
-    (folder / "dev/shm").chmod(0o1777)
+    unpack(archive, folder)
     yield folder
     shutil.rmtree(folder)
+
+
+def unpack(archive: Path, folder: Path) -> None:
+    """The clean Debian, as a system that was started has it."""
+    folder.mkdir(mode=0o755)
+    subprocess.run(["tar", "--extract", "--file", str(archive), "--directory", str(folder)], check=True)
+    (folder / "dev/shm").mkdir(exist_ok=True)
+    (folder / "dev/shm").chmod(0o1777)
 
 
 @pytest.fixture(scope="module")
@@ -326,8 +336,16 @@ systemctl poweroff --force --force
 UNIT = "[Unit]\nAfter=multi-user.target\n[Service]\nExecStart=/trial\n"
 
 
-def said_by_a_machine(root: Path, script: str, folder: Path) -> str:
-    """What a script says in a machine with a kernel and a systemd of its own (User-Mode Linux)."""
+def said_by_a_machine(root: Path, script: str, folder: Path, disks: Sequence[Path] = (), within_s: float = 900) -> str:
+    """What a script says in a machine with a kernel and a systemd of its own (User-Mode Linux), after each start.
+
+    Args:
+        root: its root.
+        script: a program that runs when the system is there.
+        folder: for its disk.
+        disks: further ones.
+        within_s: then it is ended.
+    """
     ready = subprocess.run([ROOT / "tools/run-in-vm.sh", "--ready", "uml"], check=False)
     kernel = Path(os.environ.get("MSBOT_VM_CACHE") or Path.home() / ".cache/msbot-vm") / "uml/usr/bin/linux.uml"
     if ready.returncode or not kernel.exists() or shutil.which("mke2fs") is None:
@@ -343,6 +361,7 @@ def said_by_a_machine(root: Path, script: str, folder: Path) -> str:
         file.truncate(2 << 30)
     subprocess.run(["mke2fs", "-q", "-t", "ext4", "-d", str(root), str(disk)], check=True)
     command = [str(kernel), "mem=1200M", f"ubd0={disk}", "root=/dev/ubda", "rw", "init=/lib/systemd/systemd"]
+    command += [f"ubd{number}={path}" for number, path in enumerate(disks, 1)]
     command += ["con=null", "con0=null,fd:1", "quiet"]
     log = folder / "log"
     with log.open("wb") as output:
@@ -350,7 +369,7 @@ def said_by_a_machine(root: Path, script: str, folder: Path) -> str:
             command, stdin=subprocess.DEVNULL, stdout=output, stderr=subprocess.STDOUT, start_new_session=True
         )
         try:
-            machine.wait(900)
+            machine.wait(within_s)
         finally:
             with contextlib.suppress(ProcessLookupError):
                 os.killpg(machine.pid, signal.SIGKILL)

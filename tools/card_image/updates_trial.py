@@ -19,7 +19,8 @@ def later_version(package: Path, folder: Path, version: str, *, broken: bool) ->
     tree = folder / version
     run("dpkg-deb", "--raw-extract", package, tree)
     control = tree / "DEBIAN/control"
-    control.write_text(re.sub(r"(?m)^Version: .*$", f"Version: {version}", control.read_text("utf-8")), "utf-8")
+    text = re.sub(r"(?m)^Version: .*$", f"Version: {version}", control.read_text("utf-8"))
+    control.write_text(re.sub(r"(?m)^Architecture: .*$", f"Architecture: {base.ARCHITECTURE}", text), "utf-8")
     if broken:
         (tree / "usr/lib/msbot/bin/msbot").write_text("#!/bin/sh\nexit 1\n", "utf-8")
     made = folder / f"msbot_{version}_arm64.deb"
