@@ -184,6 +184,20 @@ async def test_robots_in_their_partitions_do_not_hear_each_other() -> None:
         assert reader.troubles() == writer.troubles() == ()
 
 
+@pytest.mark.promise("Hostile packets and files end in a sentence or a count, never a traceback")
+@pytest.mark.parametrize("topic", [Topic("t" * 70_000, "T"), Topic("t", "T" * 70_000)], ids=["topic", "type"])
+async def test_a_name_with_which_the_library_ends_the_process_never_reaches_it(topic: Topic) -> None:
+    with DdsSpace() as space:
+        inbox = Inbox()
+        reader = space.reader(topic, RELIABLE, inbox)
+        writer = space.writer(topic, RELIABLE, guid(1))
+        writer.write(b"x")
+        assert inbox.payloads == [b"x"]
+        assert "a name has at most 1024 bytes" in writer.troubles()[0]
+        assert writer.troubles() == reader.troubles()
+        assert len(writer.troubles()[0]) < 200
+
+
 async def test_a_topic_that_dds_does_not_take_stays_here_and_says_so(caplog: pytest.LogCaptureFixture) -> None:
     with DdsSpace() as space:
         inbox = Inbox()

@@ -15,6 +15,8 @@ from msbot_xrce.lazy import dataclass
 _SELF_TEST = "msbot_self_test"
 _ENCLAVE = b"enclave=/;"
 """What ROS 2 nodes look for in a participant before they believe that nodes live in it (rmw_dds_common)."""
+LONGEST_NAME = 1024
+"""Octets of the name of a topic or type: the library ends the process with those of 64 kB."""
 _BODIES = (b"", b"MsBOT", bytes(range(256)) * 5)
 
 
@@ -102,6 +104,8 @@ class Domain:
             self._own_domain = None
 
     def _make_topic(self, name: str, type_name: str) -> int:
+        if too_long := next((one for one in (name, type_name) if len(one.encode()) > LONGEST_NAME), ""):
+            raise ConfigError(f"{too_long[:40]!r}... cannot be in DDS: a name has at most {LONGEST_NAME} bytes")
         entity: int = self._calls.dds_create_topic(
             self.participant, byref(descriptor(type_name)), name.encode(), None, None
         )
