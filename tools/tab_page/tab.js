@@ -177,8 +177,8 @@
       `${one.words}: ${typeof one.value === "boolean" ? (one.value ? "yes" : "no") : one.value} ${one.unit}`.trim()
     ).join("\n"));
     say(card.counts, `${part.messages_out} messages out, ${part.messages_in} in, ${part.beats} beats`);
-    say(card.plug, part.plugged ? "Pull out" : "Plug in");
-    card.plug.setAttribute("aria-label", `${part.plugged ? "Pull out" : "Plug in"} ${part.name}`);
+    say(card.plug, part.plugged ? "Unplug" : "Plug in");
+    card.plug.setAttribute("aria-label", `${part.plugged ? "Unplug" : "Plug in"} ${part.name}`);
     card.plug.hidden = part.is_yours && !part.plugged;
     card.isPlugged = part.plugged;
     const dial = part.controls.find((one) => one.kind === "number");

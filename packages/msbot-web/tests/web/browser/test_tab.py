@@ -101,7 +101,7 @@ def test_everybody_can_use_it_also_on_a_phone(visitor: Page) -> None:
 
 
 def test_a_spare_takes_over(visitor: Page) -> None:
-    press(visitor, "Pull out fan")
+    press(visitor, "Unplug fan")
     expect_state(visitor, "spare fan", "active")
     expect(card(visitor, "spare fan")).to_contain_text("takes over slot fan")
     expect_state(visitor, "fan", "lost")
