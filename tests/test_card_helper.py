@@ -362,7 +362,8 @@ def test_a_change_is_kept_and_in_force(system: Recorded, tmp_path: Path) -> None
     assert "msbot-mcp2515" in (root / "boot/firmware/config.txt").read_text()
     assert (root / "etc/wpa_supplicant/wpa_supplicant-wlan0.conf").stat().st_mode & 0o777 == 0o600
     assert "correct horse" not in "".join(path.read_text() for path in root.rglob("*") if path.is_file())
-    assert ("hostnamectl", "--transient", "hostname", "robot-3") in system.programs
+    assert system.programs[:2] == [("hostname", "robot-3"), ("systemctl", "try-restart", "avahi-daemon.service")]
+    assert (root / "etc/hostname").read_text() == "robot-3\n"
     assert Recorded(root).settings() == system.settings()
 
 

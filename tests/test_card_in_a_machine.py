@@ -103,6 +103,8 @@ if kept["step"] == 0:
     network = pathlib.Path("/etc/wpa_supplicant/wpa_supplicant-wlan0.conf")
     print("Wi-Fi:", oct(network.stat().st_mode & 0o777), network.owner(), network.read_text().split()[0])
     sign_in()
+    ask("PATCH", "/api/card", {"name": "robot-8"})
+    print("name by the page:", socket.gethostname())
     ask("PUT", "/api/programs/first.py", {"text": "# of the image"})
     ask("POST", "/api/card/update", pathlib.Path("/good.deb").read_bytes())
     restart(1)
@@ -175,6 +177,7 @@ def test_a_set_up_file_and_updates_that_lead_back(tmp_path: Path) -> None:
         "dtoverlay=msbot-i2c dtoverlay=msbot-i2c dtoverlay=msbot-i2c-pi5 dtoverlay=msbot-mcp2515,oscillator=16000000",
         "Wi-Fi: 0o600 root country=DE",
         "the administrator of the file: 303",
+        "name by the page: robot-8",
         "updated: 9.0.0, with first",
         "fell back: 9.0.0, with first and second",
         "went back: that of the image, with first",

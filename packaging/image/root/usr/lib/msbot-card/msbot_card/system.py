@@ -68,7 +68,7 @@ class System:
         self._write(after)
         self._edit_config(after)
         if after.name != before.name:
-            self._run("hostnamectl", "--transient", "hostname", after.name)
+            self._name(after.name)
             self._run("systemctl", "try-restart", "avahi-daemon.service")
         if (after.country, after.network, after.key) != (before.country, before.network, before.key):
             self._wifi(after)
@@ -84,8 +84,7 @@ class System:
             self._version()
         settings, administrator = taken or (settings, None)
         self._write(settings)
-        (self._root / "etc/hostname").write_text(f"{settings.name}\n", "utf-8")
-        self._run("hostname", settings.name)
+        self._name(settings.name)
         self._edit_config(settings)
         if administrator is not None:
             self._add(administrator)
@@ -167,6 +166,11 @@ class System:
         text = (self._root / "etc/msbot/master.env").read_text("utf-8")
         if text != system_files.master(self.settings(), bus_is_up=self._bus_is_up):
             self._run("systemctl", "--no-block", "try-restart", "msbot-master.service")
+
+    def _name(self, name: str) -> None:
+        """Both: systemd's hostnamectl would go on with what /etc/hostname says."""
+        (self._root / "etc/hostname").write_text(f"{name}\n", "utf-8")
+        self._run("hostname", name)
 
     def _wifi(self, settings: Settings) -> None:
         if not (self._root / "sys/class/net/wlan0").exists():
