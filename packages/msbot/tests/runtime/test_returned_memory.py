@@ -38,3 +38,27 @@ def test_large_buffers_go_back_to_the_system_although_small_pieces_between_them_
     most, left = map(int, run.stdout.split())
     assert most > 100
     assert left < 30
+
+
+SEARCHES = """
+import asyncio, gc
+from msbot_agent.process.end_signals import run_to_end
+
+async def main():
+    kept = gc.get_freeze_count()
+    before = gc.get_stats()[0]["collections"]
+    young = [[] for _ in range(3000)]
+    alike = []
+    alike.append(alike)
+    del alike
+    print(kept > 1000, gc.get_stats()[0]["collections"] - before)
+    older = [[] for _ in range(20_000)]
+    print(gc.get_stats()[0]["collections"] > before)
+
+run_to_end(main())
+"""
+
+
+def test_a_process_with_a_loop_searches_for_garbage_seldom_and_not_in_what_it_began_with() -> None:
+    run = subprocess.run([sys.executable, "-c", SEARCHES], capture_output=True, text=True, check=True)
+    assert run.stdout.split() == ["True", "0", "True"]

@@ -104,7 +104,7 @@ def give_memory_back() -> None:
 # left the processor's caches meanwhile. What only a search can free is little: pages that were closed, errors.
 
 
-YOUNG, MIDDLE, OLD = 20_000, 20, 10
+YOUNG, MIDDLE, OLD = 5_000, 10, 10
 """Objects more than at the last search; searches until also the next generation is searched, and the last one."""
 
 
