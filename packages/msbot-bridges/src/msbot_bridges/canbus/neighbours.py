@@ -44,6 +44,14 @@ class Neighbours:
             "one finds all devices: end the other"
         )
 
+    def gives_ids(self, node_id: int) -> None:
+        """Another node gives node ids: a device could get two."""
+        self._tell(f"{self._address}: node {node_id} gives node ids, too: let only one do that")
+
+    def no_ids(self) -> None:
+        """A node has asked for an id, and there is none."""
+        self._tell(f"{self._address}: a node asks for a node id, and all are in use")
+
     def _tell(self, words: str) -> None:
         if words not in self._told:
             self._told.add(words)

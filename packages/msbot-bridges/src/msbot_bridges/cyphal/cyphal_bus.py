@@ -257,12 +257,12 @@ class CyphalBus:
     def _asked_for_id(self, told: Any, transfer: TransferFrom) -> None:  # noqa: ANN401
         """Answer a node that has no node id."""
         if transfer.source_node_id is not None:
-            _log.warning("node %d gives node ids, too: let only one do that", transfer.source_node_id)
+            self._neighbours.gives_ids(transfer.source_node_id)
             return
         unique_hash = int(told.unique_id_hash)
         given = self._ids.give(unique_hash, self._tracker.registry.keys())
         if given is None:
-            self._host.say("a node asks for a node id, and all are in use")
+            self._neighbours.no_ids()
             return
         answer = uavcan.pnp.NodeIDAllocationData_1(unique_hash, [uavcan.node.ID_1(given)])
         self._answers.priority = transfer.priority

@@ -5,6 +5,7 @@ Its own driver takes frames with 11-bit identifiers for its own, and waits for a
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 
@@ -27,6 +28,12 @@ class PythonCanDriver(AbstractDriver):  # type: ignore[misc]  # the library has 
         self._standard = standard
         self._bus, self._sender = bus, FrameSender(bus)
         self._waiting: CANFrame | None = None
+        self._left = math.inf
+        """Frames that may still be taken in this turn."""
+
+    def begin_turn(self, most_frames: int) -> None:
+        """From now on so many frames are given by `receive`, then none: on a bus that is full they never end."""
+        self._left = most_frames
 
     def wait(self, timeout: float) -> bool:
         """Wait for a frame, which `receive` gives then; False: none has come in `timeout` seconds."""
@@ -36,6 +43,9 @@ class PythonCanDriver(AbstractDriver):  # type: ignore[misc]  # the library has 
 
     def receive(self, timeout: float | None = None) -> CANFrame | None:
         """The next frame with a 29-bit identifier, or None after `timeout` seconds."""
+        if self._left <= 0:
+            return None
+        self._left -= 1
         if (waiting := self._waiting) is not None:
             self._waiting = None
             return waiting

@@ -21,6 +21,7 @@ import can
 from msbot_bridges.bridge import DeviceIdentity, DeviceSetting, World, WorldHost, WorldThread
 from msbot_bridges.canbus import Heartbeats, Neighbours, open_bus
 from msbot_bridges.canbus.software_update import ImageFolder
+from msbot_bridges.dronecan.bounded_transfers import BoundedTransfers
 from msbot_bridges.dronecan.can_driver import PythonCanDriver
 from msbot_bridges.dronecan.node_device import KINDS, NodeDevice
 from msbot_bridges.dronecan.node_ids import NodeIdAllocator
@@ -39,6 +40,8 @@ MOST_SETTINGS = 60
 """Parameters read of one node; a description has no room for more."""
 WRITE_TIMES = 3
 """So often a parameter is written to a node that does not answer."""
+MOST_FRAMES = 50
+"""Frames that are taken in before orders are looked at again: they come without end on a bus that is full."""
 MOST_UNREADABLE = 1000
 """Frames of one turn that may be damaged; the next turn goes on."""
 MOST_REMARKS = 100
@@ -109,10 +112,11 @@ class DronecanWorld(World):
         node = self._node = dronecan.node.Node(
             driver, OWN_ID, node_info=info, mode=uavcan.protocol.NodeStatus().MODE_OPERATIONAL
         )
+        node._transfer_manager = BoundedTransfers()  # noqa: SLF001 - it has no other way
         try:
             monitor = NodeMonitor(node)
             monitor.add_update_handler(self._monitored)
-            self._allocator = NodeIdAllocator(node, monitor)
+            self._allocator = NodeIdAllocator(node, monitor, other=self._neighbours.gives_ids)
             self._software = NodeSoftware(node, self._images, self._say)
             node.add_handler(uavcan.protocol.NodeStatus, self._status)
             for kind in KINDS:
@@ -126,6 +130,7 @@ class DronecanWorld(World):
                 self._thread.work()
                 if driver.wait(WAIT_S) or time.monotonic() >= spin_at:
                     spin_at = time.monotonic() + SPIN_S
+                    driver.begin_turn(MOST_FRAMES)
                     self._spin(node)
                     self._finish()
             self._drive()

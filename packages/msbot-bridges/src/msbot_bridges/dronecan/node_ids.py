@@ -6,6 +6,7 @@ only unplugged keeps its id as long as there are others, so that it comes back a
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, Final
 
 from dronecan.app.dynamic_node_id import CentralizedServer
@@ -22,11 +23,21 @@ class NodeIdAllocator(CentralizedServer):  # type: ignore[misc]  # the library h
     Args:
         node: the bridge's own.
         monitor: knows which nodes are there.
+        other: called with the node id of another allocator whenever that gives an id.
         first: the lowest id that is given.
         last: the highest.
     """
 
-    def __init__(self, node: Any, monitor: NodeMonitor, first: int = FIRST, last: int = LAST) -> None:  # noqa: ANN401
+    def __init__(
+        self,
+        node: Any,  # noqa: ANN401
+        monitor: NodeMonitor,
+        first: int = FIRST,
+        last: int = LAST,
+        *,
+        other: Callable[[int], None] = lambda _: None,
+    ) -> None:
+        self._other = other
         self._range = range(first, last + 1)
         self._monitor = monitor
         super().__init__(node, monitor, dynamic_node_id_range=(first, last))
@@ -44,5 +55,8 @@ class NodeIdAllocator(CentralizedServer):  # type: ignore[misc]  # the library h
         return forgotten
 
     def _on_allocation_message(self, e: Any) -> None:  # noqa: ANN401
+        if e.transfer.source_node_id:
+            self._other(e.transfer.source_node_id)
+            return
         self.make_room()
         super()._on_allocation_message(e)
