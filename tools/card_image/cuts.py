@@ -21,6 +21,8 @@ HOLDING = (1, 64)
 """Sectors that are written and not flushed then: from, to. A change of the database has about 30."""
 MOST_TOKENS = 40
 """Of a cut: a person has 50 at most."""
+DISK_IS_SLOW = "does not answer: try again in a moment"
+"""What the page says when the disk answers late: the change may have been made, or not, as one on its way."""
 MOMENT_S = 60.0
 """How long such a moment may take to come; then the cut comes at any."""
 
@@ -88,6 +90,8 @@ class Changes:
             except httpx.HTTPError:
                 return
             except ImageError as error:
+                if DISK_IS_SLOW in str(error):
+                    continue
                 self.refused = str(error)
                 return
             with self._lock:
