@@ -224,6 +224,34 @@ async def test_orders_go_out_by_their_identifiers_and_a_bus_that_ends_is_told() 
     assert Bus.sent[:1] in ([5], [1]), "the first may be on its way already"
 
 
+async def test_a_bus_that_is_fuller_than_the_loop_can_hear_loses_frames_and_does_not_grow() -> None:
+    import can
+    from msbot_bridges.cyphal.can_media import MOST_HEARD, MOST_UNHEARD, PythonCanMedia
+    from msbot_bridges.cyphal.data_types import load_types
+
+    await load_types()
+    from pycyphal.transport.can.media import FilterConfiguration
+
+    class FullBus:
+        channel_info = "a bus"
+
+        def recv(self, timeout: float | None = None) -> can.Message:
+            return can.Message(arbitration_id=5, data=b"x")
+
+    heard = list[int]()
+    media = PythonCanMedia(FullBus())  # type: ignore[arg-type]  # it has what is used
+    media.configure_acceptance_filters([FilterConfiguration.new_promiscuous()])
+    media.start(lambda received: heard.append(len(received)), False)
+    while not media.lost:
+        time.sleep(0.001)  # noqa: ASYNC251 - the loop is busy with something else
+    assert not heard
+    await asyncio.sleep(0)
+    await asyncio.sleep(0)
+    assert heard[:MOST_UNHEARD] == [MOST_HEARD] * MOST_UNHEARD
+    media.close()
+    await media.closed()
+
+
 async def test_another_bridge_on_the_bus_is_named() -> None:
     from msbot_bridges.cyphal.cyphal_world import CyphalWorld
 

@@ -23,6 +23,10 @@ from msbot_bridges.canbus import BEACON_ID, FrameSender
 
 MOST_FRAMES: Final = 1000
 """Frames that wait; beyond, the library is told that it cannot send."""
+MOST_HEARD: Final = 200
+"""Frames that are handed to the event loop at once; orders go out between."""
+MOST_UNHEARD: Final = 20
+"""So many times that may wait for the loop; what comes beyond is lost and counted."""
 LISTEN_S: Final = 0.2
 """A thread sees so soon that it is to end."""
 END_S: Final = 2.0
@@ -50,6 +54,10 @@ class PythonCanMedia(Media):  # type: ignore[misc]  # the library is not looked 
         self._handler: Callable[[_Received], None] = lambda _: None
         self._filters: Sequence[FilterConfiguration] = ()
         self._is_closed = False
+        self._unheard = 0
+        """Deliveries that wait for the loop."""
+        self.lost = 0
+        """Frames that the loop could not keep up with."""
         self._waiting: list[tuple[int, int, float, can.Message]] = []
         self._numbers = itertools.count()
         self._wake = threading.Condition()
@@ -147,9 +155,22 @@ class PythonCanMedia(Media):  # type: ignore[misc]  # the library is not looked 
                     if any(not (identifier ^ one.identifier) & one.mask for one in self._filters):
                         frame = DataFrame(FrameFormat.EXTENDED, identifier, bytearray(message.data))
                         received.append((Timestamp.now(), Envelope(frame, loopback=False)))
-                message = self._bus.recv(0.0) if len(received) < MOST_FRAMES else None
+                message = self._bus.recv(0.0) if len(received) < MOST_HEARD else None
             if received:
-                self._call(self._deliver, received)
+                self._hand_over(received)
+
+    def _hand_over(self, received: _Received) -> None:
+        with self._wake:
+            if self._unheard >= MOST_UNHEARD:
+                self.lost += len(received)
+                return
+            self._unheard += 1
+        self._call(self._take, received)
+
+    def _take(self, received: _Received) -> None:
+        with self._wake:
+            self._unheard -= 1
+        self._deliver(received)
 
     def _send_all(self) -> None:
         while True:
