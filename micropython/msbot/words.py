@@ -89,7 +89,9 @@ def identify(part):
 
 def partner(part, port):
     """Say that a port has lost its partner."""
-    say("info", "{}: nobody sends to port {} any more".format(part.local_name, port))
+    calls = part.services and port in part.services._calls
+    what = "serves what port {} calls" if calls else "sends to port {}"
+    say("info", "{}: nobody {} any more".format(part.local_name, what.format(port)))
 
 
 def unreadable(part, port, error):

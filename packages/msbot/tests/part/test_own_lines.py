@@ -7,10 +7,12 @@ import logging
 
 import pytest
 
-from msbot import Part
+from msbot import Message, Part, float32
+from msbot.part.description import describe
 from msbot.part.join.part_log import BURST
 from msbot.part.join.refusal import Refusal, displayed_state, refusal_hint
 from msbot_agent.log import TerminalHandler
+from msbot_xrce.errors import ConfigError
 
 
 def test_a_program_may_say_the_same_again_and_again_and_a_flood_is_counted(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -42,3 +44,13 @@ def test_a_refusal_says_what_helps_at_the_part() -> None:
     assert "`msbot why me`" in refusal_hint(Refusal.NO_SLOT.describe, "me")
     assert refusal_hint(Refusal.BLOCKED.describe, "me") == ""
     assert displayed_state("refused", Refusal.NO_SLOT.describe) == "standby"
+
+
+def test_a_list_that_cannot_be_described_is_named_with_its_line() -> None:
+    class Way(Message):
+        steps: list[float32]
+
+    part = Part("WAY-1", describes=True)
+    part.publishes("way", Way)
+    with pytest.raises(ConfigError, match=r"^test_own_lines\.py:\d+: Way\.steps is list\[float32\], which a part"):
+        describe("WAY-1", "WAY-1", part.program)

@@ -5,8 +5,10 @@ The same text comes out in every home, so that a robot that has adopted a part k
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Iterator
 from enum import IntEnum
+from pathlib import Path
 
 from msbot.part.join.pnp_messages import LEAST_DESCRIPTION, MOST_DESCRIPTION
 from msbot.part.messages.leaves import leaf_codecs, leaves_of
@@ -124,13 +126,23 @@ def _type(message_class: type[Message]) -> Iterator[str]:
     for field in fields_of(message_class):
         if not field.codec.kind or field.codec.kind.endswith("[]"):
             raise ConfigError(
-                f"{message_class.__name__}.{field.name} is {field.codec.word}, which a part cannot describe: say how "
-                f"many there can be, Annotated[..., AtMost(64)]; there are no lists of lists"
+                f"{_place(message_class)}{message_class.__name__}.{field.name} is {field.codec.word}, "
+                "which a part cannot describe: say how many there can be, Annotated[..., AtMost(64)]; "
+                "there are no lists of lists"
             )
     yield f"fields = {_table(kinds)}"
     units = message_class.__dict__.get("units")
     if isinstance(units, dict) and units:
         yield f"units = {_table({field: str(units[field]) for field in kinds if field in units})}"
+
+
+def _place(message_class: type[Message]) -> str:
+    """Where the class begins in its program, `part.py:12: `; empty where that cannot be known, as at a prompt."""
+    try:
+        path, (_, line) = inspect.getsourcefile(message_class), inspect.getsourcelines(message_class)
+    except (OSError, TypeError):
+        return ""
+    return "" if path is None else f"{Path(path).name}:{line}: "
 
 
 def _values(message: Message) -> dict[str, Value]:

@@ -522,7 +522,8 @@ class ProgramRunner:
         port = self._ports.port_at(notice.binding)
         if port is None or notice.number != self.joining.configuration_version:
             return
-        _log.info("%s: nobody sends to port %s any more", self._local_name, port)
+        what = "serves what port %s calls" if port in self.program.calls else "sends to port %s"
+        _log.info(f"%s: nobody {what} any more", self._local_name, port)
         self._calls.end("the part that served it has left, or is held: `msbot parts` shows who is there", port)
         self.safety.enter(port)
         for function in self.program.partner_lost:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
+import os
 from collections.abc import Coroutine, Sequence
 from dataclasses import replace
 from functools import partial
@@ -12,7 +13,7 @@ from pathlib import Path
 
 import click
 
-from msbot.cli.change.robot_access import master_details
+from msbot.cli.change.robot_access import MOST_NAMED, master_details, robot_words
 from msbot.cli.database_place import DEFAULT_BLUEPRINT, database_beside
 from msbot.cli.robot_options import DEFAULT_LINK, StopGroupType, db_option, library_option, metrics_option
 from msbot.cli.run.bridges_beside import bridges_beside, check_bridges
@@ -45,7 +46,7 @@ from msbot.registry.maintenance import waiting_restore
 from msbot.registry.records import database_identity
 from msbot.ros.robot_in_ros import read_description
 from msbot.stop.socket_names import own_group
-from msbot_agent.agent import MASTER, StatusServer
+from msbot_agent.agent import MASTER, StatusServer, running_processes
 from msbot_agent.cli.command_services import WantedService, wanted_services
 from msbot_agent.cli.logs import LogOptions, log_options
 from msbot_agent.cli.options import space_option
@@ -57,7 +58,7 @@ from msbot_agent.process.nonblocking_output import nonblocking_output
 from msbot_agent.process.timer_grid import TimerGridLoop
 from msbot_agent.space import SharedSpace, SpaceAddress
 from msbot_xrce import compress, decompress, is_whole
-from msbot_xrce.errors import ConfigError
+from msbot_xrce.errors import ConfigError, LinkDown
 from msbot_xrce.lazy import dataclass
 
 # `msbot master --part-of ADDRESS --as NUMBER`: a robot that is a part of a bigger one.
@@ -219,7 +220,10 @@ def _with_database(  # noqa: PLR0917 - what the command was given
         try:
             with nonblocking_output():
                 main = _main(blueprint, library, links, where, (registry, store, db), beside, description, lease)
-                run_to_end(main, TimerGridLoop)
+                try:
+                    run_to_end(main, TimerGridLoop)
+                except LinkDown as error:
+                    raise LinkDown(f"{error}{_who_runs(profile.name)}") from error
         except LeaseLost as error:
             click.echo(str(error))
             return True
@@ -227,6 +231,13 @@ def _with_database(  # noqa: PLR0917 - what the command was given
             if lease is not None:
                 lease.silent()
         return False
+
+
+def _who_runs(name: str) -> str:
+    """The robots that run on this computer, one of which may have the address that is wanted."""
+    others = [one.details for one in running_processes() if one.what == MASTER and one.file.pid != os.getpid()]
+    words = ", ".join(map(robot_words, others[:MOST_NAMED]))
+    return f". On this computer runs {words}: end it, or give {name} another --link" if others else ""
 
 
 def _wait_for_turn(
