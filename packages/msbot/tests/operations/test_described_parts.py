@@ -87,6 +87,7 @@ def test_one_operation_makes_type_slot_and_offers_and_lets_the_part_in(tmp_path:
                 {"topic": name, "type": kind, "from": f"vane_1.{name}", "to": []}
                 for name, kind in (("wind", "Wind"), ("light", "Light"))
             ],
+            "by_hand": [{"topic": "brake", "type": "Level", "from": "", "to": ["vane_1.brake"]}],
         }
         await stage.do.bind("wind", "Wind", "vane_1.wind", (), reliable=True, who="ann")
         await stage.do.bind("brake", "Level", None, ("vane_1.brake",), reliable=True, who="ann")

@@ -9,7 +9,7 @@ from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TypeVar
+from typing import TypeVar, cast
 
 from msbot.config import (
     ADOPTED,
@@ -79,6 +79,16 @@ def wires_for_people(blueprint: Blueprint, library: Library, slot: str) -> list[
         FittingWire(free_topic_name(blueprint, end), port.type_name, end, None)
         for end, port in ports
         if port.direction in _GIVING
+    ][:MOST_OFFERED]
+
+
+def wires_to_send_by_hand(blueprint: Blueprint, library: Library, slot: str) -> list[dict[str, object]]:
+    """Wires to the unwired ports of a slot that hear something, from nobody yet, as the arguments of `bind`."""
+    wired = {end for binding in blueprint.bindings for end in binding.ends}
+    return [
+        {"topic": free_topic_name(blueprint, end), "type": port.type_name, "from": "", "to": [str(end)]}
+        for end, port in _ports(blueprint, library)
+        if end.slot == slot and end not in wired and port.direction is Direction.SUBSCRIBE
     ][:MOST_OFFERED]
 
 
@@ -200,7 +210,14 @@ class DescribedPartAdoption:
         offered = {wire["from"] for wire in offers}
         alone = [wire.as_json() for wire in wires_for_people(blueprint, library, name)]
         for_people = [wire for wire in alone if wire["from"] not in offered]
-        return Outcome(words, done.edit_id, {"slot": name, "offers": offers, "for_people": for_people})
+        fed = {end for wire in offers for end in cast("list[str]", wire["to"])}
+        by_hand = [
+            wire
+            for wire in wires_to_send_by_hand(blueprint, library, name)
+            if fed.isdisjoint(cast("list[str]", wire["to"]))
+        ]
+        answer = {"slot": name, "offers": offers, "for_people": for_people, "by_hand": by_hand}
+        return Outcome(words, done.edit_id, answer)
 
     def _let_in(self, info: PartInfo, slot: str, who: str) -> None:
         """Give the part its slot at once; one that has begun to claim again gets it by its number."""

@@ -131,7 +131,11 @@ def adopt_command(part: str | None, slot: str | None, window: float | None, db: 
         say(db, robot, "window", {"seconds": WINDOW_S if window is None else window, "slot": wish})
     if part is not None:
         answer = say(db, robot, "adopt", {"part": part, "slot": slot})
-        for what, key in (("fits", "offers"), ("to look at or call by hand", "for_people")):
+        for what, key in (
+            ("fits", "offers"),
+            ("to look at or call by hand", "for_people"),
+            ("to send to it by hand", "by_hand"),
+        ):
             for offer in () if wants_json() else answer.get(key, ()):
                 click.echo(f"  {what}: {_bind(offer)}")
 
@@ -139,8 +143,9 @@ def adopt_command(part: str | None, slot: str | None, window: float | None, db: 
 def _bind(offer: dict[str, Any]) -> str:
     """The command that makes a wire."""
     to = " ".join(f"--to {shlex.quote(end)}" for end in offer["to"])
-    topic, kind, source = (shlex.quote(offer[key]) for key in ("topic", "type", "from"))
-    return f"msbot bind {topic} --type {kind} --from {source} {to}".rstrip()
+    topic, kind = (shlex.quote(offer[key]) for key in ("topic", "type"))
+    source = f" --from {shlex.quote(offer['from'])}" if offer["from"] else ""
+    return f"msbot bind {topic} --type {kind}{source} {to}".rstrip()
 
 
 # `msbot go`: STOP is over.
