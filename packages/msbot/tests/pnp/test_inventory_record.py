@@ -28,7 +28,7 @@ def test_why_tells_the_chain_of_rules_with_evidence() -> None:
         "slot AA is the one free slot that fits"
     )
     assert "0.5 s ago: light: checking -> active in slot AA: slot AA is the one free slot that fits" in lines
-    assert "  - library: ABCD is a light sensor" in lines
+    assert "  - library: ABCD: light sensor" in lines
     assert "  - same UID as before: never seen here" in lines
 
 

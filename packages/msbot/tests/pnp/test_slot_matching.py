@@ -32,7 +32,7 @@ def test_the_one_free_slot_that_fits_is_found() -> None:
     assert match.slot == Slot("BB", "EFGH")
     assert match.reason == "slot BB is the one free slot that fits"
     assert rules(match) == ["claim", "library", "blocked", "slots", "same UID as before", "slot"]
-    assert match.evidence[1] == ("library", "EFGH is a toggle switch")
+    assert match.evidence[1] == ("library", "EFGH: toggle switch")
 
 
 @pytest.mark.parametrize(
@@ -280,7 +280,7 @@ def test_the_whole_chain_of_evidence(slots: tuple[Slot, ...], words: str, octets
         wait,
         (
             ("claim", f"part number {number}, local name 'x', {who}"),
-            ("library", f"{number} is a light {name}"),
+            ("library", f"{number}: light {name}"),
             ("blocked", "no"),
             ("slots", words),
             ("same UID as before", "never seen here" if octets else "the part has no UID"),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import re
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -82,7 +82,7 @@ def wires_for_people(blueprint: Blueprint, library: Library, slot: str) -> list[
     ][:MOST_OFFERED]
 
 
-def wires_to_send_by_hand(blueprint: Blueprint, library: Library, slot: str) -> list[dict[str, object]]:
+def wires_to_send_by_hand(blueprint: Blueprint, library: Library, slot: str) -> list[dict[str, Sequence[str]]]:
     """Wires to the unwired ports of a slot that hear something, from nobody yet, as the arguments of `bind`."""
     wired = {end for binding in blueprint.bindings for end in binding.ends}
     return [
@@ -211,11 +211,7 @@ class DescribedPartAdoption:
         alone = [wire.as_json() for wire in wires_for_people(blueprint, library, name)]
         for_people = [wire for wire in alone if wire["from"] not in offered]
         fed = {end for wire in offers for end in cast("list[str]", wire["to"])}
-        by_hand = [
-            wire
-            for wire in wires_to_send_by_hand(blueprint, library, name)
-            if fed.isdisjoint(cast("list[str]", wire["to"]))
-        ]
+        by_hand = [wire for wire in wires_to_send_by_hand(blueprint, library, name) if fed.isdisjoint(wire["to"])]
         answer = {"slot": name, "offers": offers, "for_people": for_people, "by_hand": by_hand}
         return Outcome(words, done.edit_id, answer)
 
