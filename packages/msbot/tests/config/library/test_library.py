@@ -219,9 +219,9 @@ FAULTS: list[tuple[Parameter, Scalar, str | None]] = [
     (RANGE, 1.5, "must be a whole number, for example '5'; it is the number 1.5"),
     (RANGE, True, "must be a whole number, for example '5'; it is the truth value true"),
     (Parameter("x", ParameterKind.FLOAT, 0.5, least=0), 1e9, None),
-    (Parameter("x", ParameterKind.FLOAT, 0.5, least=0), -1, "is -1; it must be 0 to any"),
-    (Parameter("x", ParameterKind.FLOAT, 0.5, most=2), 3.5, "is 3.5; it must be any to 2"),
-    (Parameter("x", ParameterKind.FLOAT, 0.5, most=2), float("nan"), "is nan; it must be any to 2"),
+    (Parameter("x", ParameterKind.FLOAT, 0.5, least=0), -1, "is -1; it must be at least 0"),
+    (Parameter("x", ParameterKind.FLOAT, 0.5, most=2), 3.5, "is 3.5; it must be at most 2"),
+    (Parameter("x", ParameterKind.FLOAT, 0.5, most=2), float("nan"), "is nan; it must be at most 2"),
     (Parameter("x", ParameterKind.TEXT, "a"), "b", None),
     (Parameter("x", ParameterKind.TEXT, "a"), 1, "must be text in quotes, for example 'a'; it is the number 1"),
     (

@@ -108,12 +108,13 @@ def _waits_s(do: str, args: Mapping[str, object]) -> float:
 def say(db: str | None, robot: str | None, do: str, args: Mapping[str, object]) -> dict[str, Any]:
     """Have an operation carried out, print its outcome in words, or with `--json` as JSON, and return it."""
     answer = perform(db, robot, do, args)
+    runs = answer.pop("runs", True)
     if wants_json():
         click.echo(json.dumps(answer))
         return answer
     undo = f" (`msbot undo {answer['edit']}` takes it back)" if "edit" in answer and do != "undo" else ""
     click.echo(f"{answer['words']}{undo}")
-    if answer.get("runs") is False:
+    if not runs:
         click.echo("no master runs this robot now: it is saved, and counts when one does")
     return answer
 
