@@ -125,7 +125,7 @@ def test_a_part_says_its_versions_and_another_one_is_noted_once() -> None:
     say(VersionOf.HARDWARE, "a board with a long name")
     said = counter.rig.part(KEY)
     assert (said.hardware, said.software) == ("a board with a long name", "1.0")
-    assert "It says: hardware a board with a long name, software 1.0." in history()
+    assert "(ABCD, hardware a board with a long name, software 1.0) is active" in history()
     say(VersionOf.SOFTWARE, "9", lease ^ 1)
     say(VersionOf.SOFTWARE, "1.0")
     assert counter.rig.part(KEY).software == "1.0"

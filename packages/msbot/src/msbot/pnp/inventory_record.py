@@ -285,8 +285,6 @@ class InventoryRecord:
     def sentences(self, now: float) -> list[str]:
         """The part's state and the chain of changes that led to it, oldest first."""
         lines: list[str] = [said("{words}: {reason}", words=self._headline(now), reason=self.reason)]
-        if versions := versions_in_words(self.hardware, self.software):
-            lines.append(said("It says: {versions}.", versions=versions))
         if self.duplicates:
             addresses = ", ".join(self.duplicates)
             lines.append(said("The same UID was shown, and refused, at {addresses}.", addresses=addresses))
@@ -299,7 +297,11 @@ class InventoryRecord:
         return lines
 
     def _headline(self, now: float) -> str:
-        name = self.name if self.claim is None else f"{self.name} ({self.claim.part_number})"
+        name: str = self.name
+        if self.claim is not None:
+            versions = versions_in_words(self.hardware, self.software)
+            number = self.claim.part_number
+            name = joined("", (name, " (", number, *((", ", versions) if versions else ()), ")"))
         state, age = said((self.state or PartState.NEW).value), lasting(now - self.since)
         words = said("{name} is {state} since {age}", name=name, state=state, age=age)
         if not self.holds_slot:
