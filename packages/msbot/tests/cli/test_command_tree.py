@@ -29,6 +29,7 @@ NO_FACTS = {
     ), DOES),
     **dict.fromkeys(("user add", "user passwd", "user ticket", "user token", "key new"), SECRET),
     "help": "shows a page of the handbook, which is a text",
+    **dict.fromkeys(("service call", "service list"), "says which command it is here"),
     "plot": "draws; `--out FILE.csv` has the numbers",
     "log diff": "writes lines as `diff` does, and its exit status says whether there are any",
 }  # fmt: skip

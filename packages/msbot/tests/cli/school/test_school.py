@@ -147,7 +147,7 @@ def test_one_blueprint_for_all_keeps_their_names_and_is_taken_back(school: Schoo
     run("undo", "--db", "robot1.db", cwd=school.folder)  # by hand, at the robot itself: nothing is left to do there
     status, back, error = ask("undo")
     assert status == 0, back + error
-    assert "[1/3] MSBOT_MASTER X1: somebody has taken it back already: edit 1 (" in back
+    assert "[1/3] MSBOT_MASTER X1: somebody has taken it back already: change 1 (" in back
     assert ["extra" in school.slots(name) for name in ("robot1", "robot2", "robot")] == [False] * 3
     assert "there is no roll-out that could be taken back" in ask("undo")[2]
 

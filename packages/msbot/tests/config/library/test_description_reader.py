@@ -85,7 +85,7 @@ def test_what_is_right_is_written_anew_and_stands_by_itself() -> None:
         ('number = "VANE-1"\nname = "no ports"', "a part needs at least one port"),
         (MINE.replace("Vane", "Va\u202ene"), "contains a character that cannot be printed"),
         (MINE + '[[parameter]]\nname = ".stop"\ntype = "int"\ndefault = 1', 'must not contain "."'),
-        (MINE + '[[parameter]]\nname = "a"\ntype = "int"\ndefault = 5\nmax = 4', "is 5; it must be any to 4"),
+        (MINE + '[[parameter]]\nname = "a"\ntype = "int"\ndefault = 5\nmax = 4', "is 5; it must be at most 4"),
         (MINE + '[[parameter]]\nname = "a"\ntype = "float"\ndefault = inf', "must be a finite number"),
         (MINE + f'[[parameter]]\nname = "a"\ntype = "int"\ndefault = {2**63}', "more than 64 bits"),
     ],
