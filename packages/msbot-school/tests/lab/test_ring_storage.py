@@ -208,6 +208,14 @@ def test_damaged_recordings_are_read_as_far_as_they_go(
     assert reader.damage or [one.at_ns for one in found] or octets != whole
 
 
+def test_a_recording_that_ends_after_its_first_octets_is_one(whole: bytes, tmp_path: Path) -> None:
+    path = tmp_path / "begun.mcap"
+    path.write_bytes(whole[:8])
+    reader = RecordingReader(path)
+    assert list(reader.messages()) == []
+    assert reader.damage.startswith("it cannot be read beyond byte 8 ")
+
+
 def test_a_damaged_chunk_costs_only_what_is_in_it(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     size = 1_000  # a chunk is written when it has a quarter of a megabyte

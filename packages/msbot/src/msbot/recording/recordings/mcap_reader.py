@@ -104,15 +104,14 @@ class RecordingReader:
         while True:
             try:
                 record = next(records, None)
-            except InvalidMagic as error:
-                if stream.tell() > len(_MAGIC):
-                    return "it has no proper end; what came before was read"
-                raise ConfigError(f"{self.path} {_no_recording(stream)}") from error
             except _BROKEN as error:
-                if stream.tell() <= len(_MAGIC):
-                    raise ConfigError(f"{self.path} {_no_recording(stream)}") from error
+                at = stream.tell()
+                if at <= len(_MAGIC) and (begin := _no_recording(stream)):
+                    raise ConfigError(f"{self.path} {begin}") from error
+                if isinstance(error, InvalidMagic):
+                    return "it has no proper end; what came before was read"
                 why = error or type(error).__name__
-                return f"it cannot be read beyond byte {stream.tell()} ({why}); what came before was read"
+                return f"it cannot be read beyond byte {at} ({why}); what came before was read"
             match record:
                 case None:
                     return ""
@@ -246,6 +245,7 @@ def _unpacked(chunk: Chunk) -> bytes:
 
 
 def _no_recording(stream: BinaryIO) -> str:
+    """Why a file is no recording by its first octets; empty: they are those of one."""
     stream.seek(0)
     begin = stream.read(len(_MAGIC))
     if len(begin) == len(_MAGIC) and begin[:5] == _MAGIC[:5] and begin != _MAGIC:
@@ -254,7 +254,9 @@ def _no_recording(stream: BinaryIO) -> str:
         )
     if not begin:
         return "is empty"
-    if _MAGIC.startswith(begin) and begin != _MAGIC:
+    if begin == _MAGIC:
+        return ""
+    if _MAGIC.startswith(begin):
         return f"ends after {amount(len(begin), 'byte')}: nothing is in it"
     return "is no recording: it does not begin like an MCAP file"
 
