@@ -164,3 +164,10 @@ def test_a_mistake_that_ends_a_part_ends_the_test() -> None:
 
     with pytest.raises(MsbotError, match="nowhere"), robot_for(part) as robot:
         robot.advance(1)
+
+
+def test_a_robot_that_nobody_closes_ends_without_a_word(tmp_path: Path) -> None:
+    (tmp_path / "fan.py").write_text('from msbot import Part\n\npart = Part("FAN", describes="Fan")\npart.run()\n')
+    program = "from msbot.testing import robot_for\nrobot = robot_for('fan.py')\nprint(robot.state)\n"
+    ended = subprocess.run([sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert (ended.stdout, ended.stderr) == ("active\n", "")

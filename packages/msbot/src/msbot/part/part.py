@@ -579,8 +579,9 @@ def _exchange(verb: str, port: str, request_class: object, reply_class: object) 
     for given in (request_class, reply_class):
         if not (isinstance(given, type) and issubclass(given, Message)):
             what = "" if given is None else f", not {given!r}"
+            own = f"; or class {given.__name__}(Message) for one of your own" if isinstance(given, type) else ""
             raise ConfigError(
-                f"{verb}({port!r}, ...) needs the classes of request and reply{what}: ({port!r}, Number, Text)"
+                f"{verb}({port!r}, ...) needs the classes of request and reply{what}: ({port!r}, Number, Text){own}"
             )
     assert isinstance(request_class, type)
     assert isinstance(reply_class, type)

@@ -8,6 +8,7 @@ robot, and STOP, settings, lost partners and cut cables have the effects that th
 from __future__ import annotations
 
 import asyncio
+import atexit
 import logging
 import runpy
 from collections import deque
@@ -81,6 +82,7 @@ class PartRobot:
         self._running: asyncio.Task[None] | None = None
         self._partner_running: asyncio.Task[None] | None = None
         self._is_closed = False
+        atexit.register(self.close)  # a robot that nobody closes would end in tracebacks of its tasks
         self._logger = logging.getLogger("msbot.part")
         self._level = self._logger.level
         self._logger.addHandler(self._handler)
@@ -141,6 +143,7 @@ class PartRobot:
         if self._is_closed:
             return
         self._is_closed = True
+        atexit.unregister(self.close)
         self._runner.close()
         self._logger.removeHandler(self._handler)
         self._logger.setLevel(self._level)

@@ -18,7 +18,17 @@ import copy
 import struct
 from collections.abc import Callable, Mapping
 from operator import attrgetter
-from typing import TYPE_CHECKING, ClassVar, Self, TypeAlias, TypeVar, dataclass_transform, get_origin, get_type_hints
+from typing import (
+    TYPE_CHECKING,
+    ClassVar,
+    Self,
+    TypeAlias,
+    TypeVar,
+    dataclass_transform,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
 
 from msbot.part.messages.wire_types import FieldCodec, codec_for
 from msbot.part.program_mistakes import tell_mistakes_as_sentences
@@ -294,16 +304,25 @@ def _fixed_form(field: Field) -> str | FixedSize | None:
     return fixed_form(zero) if isinstance(zero, type) and issubclass(zero, Message) else field.codec.code
 
 
+def _without_form(annotation: object) -> object:
+    """What in an annotation has no form on the wire: of `Annotated[list[float], AtMost(4)]`, `float`."""
+    inside = get_args(annotation)[:1]
+    if inside and codec_for(inside[0], _record) is None:
+        return _without_form(inside[0])
+    return annotation
+
+
 def _field(cls: type[Message], name: str, annotation: object) -> Field:
     where = f"class {cls.__name__}: field {name}"
     if name.startswith("_") or hasattr(Message, name):
         raise _mistake(f"{where} needs another name: this one belongs to Message")
     codec = codec_for(annotation, _record)
     if codec is None:
-        sized = _SIZED.get(annotation) if isinstance(annotation, type) else None
+        wrong = _without_form(annotation)
+        words = getattr(wrong, "__name__", None) or str(wrong)
+        sized = _SIZED.get(wrong) if isinstance(wrong, type) else None
         if sized is not None:
-            raise _mistake(f"{where}: {annotation.__name__} says no size on the wire: write {sized}")  # type: ignore[attr-defined]  # a type has one
-        words = getattr(annotation, "__name__", None) or str(annotation)
+            raise _mistake(f"{where}: {words} says no size on the wire: write {sized}")
         known = (
             "uint8 to uint64, int8 to int64, float32, float64, bool, str, bytes, list[...], an IntEnum, a Message class"
         )
