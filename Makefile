@@ -2,7 +2,7 @@
 # Everything runs from .venv, which sets itself up with what requirements/ names: versions and hashes.
 # Where packages come with other hashes (piwheels on a Raspberry Pi):  make demo HASHES=no
 
-# A Python with pip, the system's before that of an environment which happens to be activated; .venv has none.
+# A Python with pip, the system's before that of an environment which happens to be activated.
 # The name of a folder may have any characters: it is a word of the shell, and no part of a pattern.
 HERE := '$(subst ','\'',$(CURDIR))'
 PYTHON ?= $(shell without() { IFS=:; kept=; for one in $$2; do \
@@ -57,7 +57,7 @@ INSTALL = $(PYTHON) tools/set_up.py $(if $(filter no,$(HASHES)),--no-hashes) $(B
 PROJECTS = $(wildcard packages/*/pyproject.toml)
 
 $(VENV)/.run: $(PROJECTS) requirements/run.txt | $(BIN)/python
-	@echo 'Setting up MsBOT in $(VENV), once: about a minute.' >&2
+	@echo 'Setting up MsBOT in $(VENV), once: one to three minutes.' >&2
 	@$(INSTALL) requirements/run.txt
 	@touch $@
 

@@ -19,6 +19,7 @@ FOLDER = Path("requirements")
 FILES = {"run": ("demo", ""), "computer": ("computer", ""), "dev": ("all", "dev"), "docs": ("master", "docs")}
 """By file: the extra of the distributions, and the group of the workspace; empty: none."""
 BUILD = "hatchling\neditables\n"  # what builds MsBOT, and lets it be used where it lies
+PIP = "pip\n"  # with which people add to the environment of `make`; that of the Debian package is not theirs to change
 HEAD = "# What `make` installs. Made by `make requirements` from packages/*/pyproject.toml; not to be edited.\n"
 OPTIONS = ["--universal", "--python-version", "3.11", "--no-emit-index-url", "--no-header", "--no-annotate", "--quiet"]
 
@@ -27,12 +28,13 @@ def main(uv: str, *options: str) -> int:
     """Write the files."""
     with tempfile.TemporaryDirectory() as scratch:
         build = Path(scratch, "build.in")
-        build.write_text(BUILD, encoding="utf-8")
+        build.write_text(BUILD + PIP, encoding="utf-8")
         chosen = Path(scratch, "all.txt")
         chosen.write_text("\n".join(versions_now()), encoding="utf-8")  # uv keeps what the file that it writes names
         resolve(uv, build, chosen, "--all-extras", *groups("dev", "docs"), *options)
         for name, (extra, group) in FILES.items():
             made = Path(scratch, f"{name}.txt")
+            build.write_text(BUILD + PIP * (name != "computer"), encoding="utf-8")
             wanted = ["--extra", extra, *groups(*filter(None, [group]))]
             resolve(uv, build, made, *wanted, "--constraint", str(chosen), "--generate-hashes")
             (FOLDER / made.name).write_text(HEAD + made.read_text(encoding="utf-8"), encoding="utf-8")

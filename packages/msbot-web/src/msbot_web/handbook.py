@@ -21,6 +21,7 @@ CHAPTERS = (
 """Folders of the handbook with their titles, in the order of reading."""
 FOR_PUPILS = (
     "tutorial/first_part",
+    "tutorial/own_part",
     "howto/program_in_the_browser",
     "howto/blocks",
     "howto/arena",

@@ -171,3 +171,18 @@ def test_a_robot_that_nobody_closes_ends_without_a_word(tmp_path: Path) -> None:
     program = "from msbot.testing import robot_for\nrobot = robot_for('fan.py')\nprint(robot.state)\n"
     ended = subprocess.run([sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True, check=True)
     assert (ended.stdout, ended.stderr) == ("active\n", "")
+
+
+def test_the_part_of_the_tutorial_passes_its_tests(tmp_path: Path) -> None:
+    page = (ROOT / "docs/tutorial/own_part.md").read_text()
+    program, tests = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+    (tmp_path / "stats.py").write_text(program)
+    (tmp_path / "test_stats.py").write_text(tests)
+    done = subprocess.run(
+        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "--rootdir", str(tmp_path), str(tmp_path)],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert "2 passed" in done.stdout, done.stdout + done.stderr
