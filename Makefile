@@ -98,27 +98,27 @@ vm:
 	tools/run-in-vm.sh -v --setup $(ENGINE)
 
 bench: $(VENV)/.dev
-	PYTHONPATH=. $(BIN)/python bench/can.py
-	PYTHONPATH=. $(BIN)/python bench/live.py
-	PYTHONPATH=. $(BIN)/python bench/path.py
-	PYTHONPATH=. $(BIN)/python bench/can_path.py
-	PYTHONPATH=. $(BIN)/python bench/library.py
-	PYTHONPATH=. $(BIN)/python bench/messages.py
-	PYTHONPATH=. $(BIN)/python bench/matching.py
-	PYTHONPATH=. $(BIN)/python bench/spare.py
-	PYTHONPATH=. $(BIN)/python bench/many_parts.py --kill
-	PYTHONPATH=. $(BIN)/python bench/stop.py
-	PYTHONPATH=. $(BIN)/python bench/micropython.py
-	PYTHONPATH=. $(BIN)/python bench/page.py
-	PYTHONPATH=. $(BIN)/python bench/page_parts.py
-	PYTHONPATH=. $(BIN)/python bench/agent.py --write
-	PYTHONPATH=. $(BIN)/python bench/dds.py --write
-	PYTHONPATH=. $(BIN)/python bench/scale.py --write
-	PYTHONPATH=. $(BIN)/python bench/growth.py --write
-	PYTHONPATH=. $(BIN)/python bench/startup.py --write
-	PYTHONPATH=. $(BIN)/python bench/takeover.py --write
-	PYTHONPATH=. $(BIN)/python bench/matrix.py --write
-	PYTHONPATH=. $(BIN)/python bench/ways.py --write
+	$(BIN)/python -m bench.can
+	$(BIN)/python -m bench.live
+	$(BIN)/python -m bench.path
+	$(BIN)/python -m bench.can_path
+	$(BIN)/python -m bench.library
+	$(BIN)/python -m bench.messages
+	$(BIN)/python -m bench.matching
+	$(BIN)/python -m bench.spare
+	$(BIN)/python -m bench.many_parts --kill
+	$(BIN)/python -m bench.stop
+	$(BIN)/python -m bench.micropython
+	$(BIN)/python -m bench.page
+	$(BIN)/python -m bench.page_parts
+	$(BIN)/python -m bench.agent --write
+	$(BIN)/python -m bench.dds --write
+	$(BIN)/python -m bench.scale --write
+	$(BIN)/python -m bench.growth --write
+	$(BIN)/python -m bench.startup --write
+	$(BIN)/python -m bench.takeover --write
+	$(BIN)/python -m bench.matrix --write
+	$(BIN)/python -m bench.ways --write
 
 wheel: $(VENV)/.run
 	@rm -rf dist && mkdir dist

@@ -1,6 +1,6 @@
 """The agent under load over UDP on this machine: the loads of a C generator, alone or beside another agent.
 
-    python bench/agent.py [--quick] [--pairs N] [--load NAME] [--write]
+    python -m bench.agent [--quick] [--pairs N] [--load NAME] [--write]
         [--genuine PROGRAM [--python PROGRAM]... | --against CHECKOUT]
 
 Needs gcc for the generator (`xrce_load.c`). Agent and generator get a core each.
@@ -145,7 +145,7 @@ def main() -> None:
     if chosen.write:
         if chosen.load and chosen.against:
             lines = [*with_new_rows(FOLDER / f"{name}.md", lines)]
-        write_result(name, title, lines, made_by=f"python bench/agent.py {command}")
+        write_result(name, title, lines, made_by=f"python -m bench.agent {command}")
 
 
 def measure(generator: Path, loads: Sequence[Load], runs: int, seconds: int) -> list[str]:

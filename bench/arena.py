@@ -1,6 +1,6 @@
 """What a world costs, in CPU time: its steps and its sensors, for 1 to 20 robots that drive and push.
 
-python bench/arena.py [--seconds S] [--repeats N]
+python -m bench.arena [--seconds S] [--repeats N]
 """
 
 from __future__ import annotations

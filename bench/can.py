@@ -1,7 +1,7 @@
 """What plug-and-play costs on a CAN bus, in virtual time: exact, the same on every machine.
 
-python bench/can.py            # prints all tables
-python bench/can.py --write    # and keeps them in bench/results/can.md
+python -m bench.can            # prints all tables
+python -m bench.can --write    # and keeps them in bench/results/can.md
 """
 
 from __future__ import annotations
@@ -116,7 +116,7 @@ def main() -> None:
             kept += section
     if arguments.write:
         title = "Plug-and-play on a CAN bus, in virtual time"
-        write_result("can", title, kept, made_by="python bench/can.py --write")
+        write_result("can", title, kept, made_by="python -m bench.can --write")
     say("done")
 
 

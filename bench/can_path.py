@@ -5,7 +5,7 @@ driver, the port, the CAN link with header compression, the agent), only the soc
 packets apart as CAN_RAW sockets do and every machine has it. The parts' frames are made beforehand; what is measured
 is the processor time of the agent's side until the reader's frames are sent.
 
-    python bench/can_path.py [--quick] [--profile]
+    python -m bench.can_path [--quick] [--profile]
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """A class on a small computer: what a master of thirty pupils costs, and whether it keeps up with a fifth of a core.
 
-    python bench/class_on_a_pi.py [--pupils 30] [--pages 30] [--seconds 20] [--quota 20] [--write]
+    python -m bench.class_on_a_pi [--pupils 30] [--pages 30] [--seconds 20] [--quota 20] [--write]
 
 A real `msbot master` with a page and the recorder on; five parts for each pupil, four of them simulated in the master,
 the fifth the pupil's program over a WebSocket (`bench/classroom.py`); and pages open in browsers
@@ -268,7 +268,7 @@ def main() -> None:
     print("\n".join(lines))
     if wishes.write:
         write_result(
-            "class_on_a_pi", "A class on a small computer", lines, made_by="python bench/class_on_a_pi.py --write"
+            "class_on_a_pi", "A class on a small computer", lines, made_by="python -m bench.class_on_a_pi --write"
         )
 
 

@@ -1,6 +1,6 @@
 """The page Class with many robots: how long it takes to load, and what it costs while it is open.
 
-    python bench/class_page.py [--robots 100] [--pictures FOLDER]
+    python -m bench.class_page [--robots 100] [--pictures FOLDER]
 
 The robots are entries of one database, each with its blueprint; one of them runs here with the page, two more run here
 with databases of their own, two run as if on other computers (with an access), and one access leads nowhere. All is on

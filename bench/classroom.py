@@ -1,6 +1,6 @@
 """Thirty pupils at one master: programs over the page's WebSockets, robots of five parts each, a few real browsers.
 
-    python bench/classroom.py [--pupils 30] [--tabs 2] [--seconds 20] [--write]
+    python -m bench.classroom [--pupils 30] [--tabs 2] [--seconds 20] [--write]
 
 A real `msbot master` with the robot that `msbot pupils robot` writes. Of each group's five parts four are simulated
 in the master; the fifth is a pupil's program: in this process, over a WebSocket of its own and the protocol of the
@@ -308,7 +308,7 @@ def main() -> None:
     table = "\n".join(lines)
     print(table)
     if wishes.write:
-        write_result("classroom", "A class at one robot", lines, made_by="python bench/classroom.py --write")
+        write_result("classroom", "A class at one robot", lines, made_by="python -m bench.classroom --write")
 
 
 def _in_thread(work: Coroutine[None, None, dict[str, str]]) -> dict[str, str]:

@@ -1,6 +1,6 @@
 """What the data spaces over DDS and Zenoh cost, beside the one in memory and beside Cyclone's own `ddsperf`.
 
-    python bench/dds.py [--quick] [--write]
+    python -m bench.dds [--quick] [--write]
 
 Runs in a network namespace of its own with nothing in it but the loopback interface (needs root, `unshare`, `ip`);
 needs libddsc, gcc for the load generator of `bench/agent.py`, and Debian's cyclonedds-tools for ddsperf. `--write` puts
@@ -64,7 +64,7 @@ def main() -> None:
     print("\n".join(lines))
     if chosen.write:
         title = "Memory, DDS and Zenoh as data spaces"
-        write_result("data_space", title, lines, made_by="python bench/dds.py --write")
+        write_result("data_space", title, lines, made_by="python -m bench.dds --write")
 
 
 def enter() -> None:

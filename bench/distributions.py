@@ -1,6 +1,6 @@
 """The six distributions: what each needs, how large it is, and how long `import` takes.
 
-    PYTHONPATH=. python bench/distributions.py [--write]
+    python -m bench.distributions [--write]
 
 Lines are those of Python files; the wheel is built as `make wheel` builds it. The import is the least processor time of
 ten fresh processes, beside an empty one: of the package alone, and of the room that a program of that kind imports.
@@ -80,7 +80,7 @@ def main() -> None:
     lines.append(f"| all | | | {total_files} | {total_lines:,} | | | |")
     print("\n".join(lines))
     if options.write:
-        made_by = "PYTHONPATH=. python bench/distributions.py --write"
+        made_by = "python -m bench.distributions --write"
         print(write_result("distributions", "The six distributions", lines, made_by=made_by).relative_to(ROOT))
 
 

@@ -1,6 +1,6 @@
 """How long a pupil of twelve needs from `make demo` to the end of the first lesson, reading every word.
 
-    python bench/first_lesson.py [--make] [--easy] [--write]
+    python -m bench.first_lesson [--make] [--easy] [--write]
 
 A real Chromium at the page of a real demo, as large as a school's laptop. What the robot and the page need is measured
 by the clock. What the pupil needs is counted: each word that comes into sight for the first time, also those of cards,
@@ -253,7 +253,7 @@ def main() -> None:
     ]
     print("\n".join(lines))
     if options.write:
-        made_by = "python bench/first_lesson.py" + (" --make" if options.make else "") + " --write"
+        made_by = "python -m bench.first_lesson" + (" --make" if options.make else "") + " --write"
         write_result("first_lesson", "From make demo to the end of the first lesson", lines, made_by=made_by)
 
 

@@ -1,6 +1,6 @@
 """How much memory a generic board and its parts take: MicroPython's VM in node (32 bits), compiled files, serial line.
 
-    python bench/generic_board.py
+    python -m bench.generic_board
 
 Heap after a collection, above what the VM has before the first import, while all parts are active in a robot.
 """

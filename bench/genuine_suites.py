@@ -1,6 +1,6 @@
 """Test suites of others against `msbot agent`, from what GoogleTest has printed: `bench/results/genuine_suites.md`.
 
-    python bench/genuine_suites.py --of "Micro XRCE-DDS 3.0.1" [--write] NAME=LOG ...
+    python -m bench.genuine_suites --of "Micro XRCE-DDS 3.0.1" [--write] NAME=LOG ...
 
 The suites are built elsewhere, with an agent of theirs replaced by one that starts `msbot agent`. A case that a suite
 was told to leave out (`--gtest_filter`) does not count.
@@ -50,7 +50,7 @@ def main() -> None:
     print("\n".join(lines))
     if arguments.write:
         title = "Test suites of others against `msbot agent`"
-        write_result("genuine_suites", title, lines, made_by="PYTHONPATH=. python bench/genuine_suites.py ... --write")
+        write_result("genuine_suites", title, lines, made_by="python -m bench.genuine_suites ... --write")
 
 
 if __name__ == "__main__":

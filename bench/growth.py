@@ -1,6 +1,6 @@
 """What grows with what: sessions of an agent, parts on a bus, robots on a computer, and a restart under all of them.
 
-    python bench/growth.py [--quick] [--write]
+    python -m bench.growth [--quick] [--write]
 
 Processor time is compared, not rates. The loads of the first table take turns of a second, so that a busy machine blurs
 but does not tilt them; the rate of all sessions together is the same in each of its rows, only their number changes.
@@ -87,7 +87,7 @@ def main() -> None:
         lines += made
     if chosen.write:
         PICTURE.write_text(curves(drawn))
-        write_result("growth", "What grows with what", lines, made_by="python bench/growth.py --write")
+        write_result("growth", "What grows with what", lines, made_by="python -m bench.growth --write")
 
 
 # Sessions of one agent.

@@ -1,6 +1,6 @@
 """What a robot costs with its parts, its open pages and its days: per message, per part and per page.
 
-    python bench/growth_of_robots.py [--quick] [--write]
+    python -m bench.growth_of_robots [--quick] [--write]
 
 Parts: master and parts in one process, in virtual time, joined by the in-process link; each part says something to the
 next once a second. A day: the same with three parts, for 24 hours of virtual time; memory is looked at every two hours.
@@ -89,7 +89,7 @@ def main() -> None:
             "growth_of_robots",
             "Growth of a robot: parts, pages, days",
             lines,
-            made_by="python bench/growth_of_robots.py --write",
+            made_by="python -m bench.growth_of_robots --write",
         )
 
 

@@ -1,6 +1,6 @@
 """What the part library and its simulators cost, in CPU time: loading, searching, and a minute of each simulated part.
 
-python bench/library.py [--repeats N]
+python -m bench.library [--repeats N]
 """
 
 from __future__ import annotations

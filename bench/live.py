@@ -3,7 +3,7 @@
 In virtual time on simulated CAN buses: exact, the same on every machine. The robot is a master and two parts, knob and
 fan; the bus carries the knob's 20 samples a second and the beats besides.
 
-    python bench/live.py
+    python -m bench.live
 """
 
 from __future__ import annotations

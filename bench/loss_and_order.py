@@ -1,6 +1,6 @@
 """What a stock client gets through a network that loses and reorders.
 
-    PYTHONPATH=. python bench/loss_and_order.py    the model of the client, in virtual time: the same each time
+    python -m bench.loss_and_order    the model of the client, in virtual time: the same each time
     ... bench/loss_and_order.py --client 'PROGRAM {host} {port} {direct}' [--agent 'NAME=OTHER AGENT {port}']
 
 `--write` keeps the table: `bench/results/loss_and_order.md` of the model, `loss_and_order_genuine.md` of a client.
@@ -167,7 +167,7 @@ def main() -> None:
         name = "loss_and_order_genuine"
     else:
         title, more, name = "Loss and reordering with the model of a client", "", "loss_and_order"
-    write_result(name, title, lines, made_by=f"PYTHONPATH=. python bench/loss_and_order.py{more} --write")
+    write_result(name, title, lines, made_by=f"python -m bench.loss_and_order{more} --write")
 
 
 if __name__ == "__main__":

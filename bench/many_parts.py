@@ -1,6 +1,6 @@
 """A thousand parts at once over UDP: when all are in, whom the master loses meanwhile, and what that costs.
 
-    python bench/many_parts.py [--parts 1000] [--processes 2] [--kill] [--page] [--flood 50000] [--rest 20]
+    python -m bench.many_parts [--parts 1000] [--processes 2] [--kill] [--page] [--flood 50000] [--rest 20]
 
 A real `msbot master` with a blueprint of so many slots; the parts are real ones with a socket each, in a few
 processes, and all are switched on in the same instant. `--kill` ends the master with SIGKILL under them, starts it

@@ -4,7 +4,7 @@ Claims of all kinds, drawn at random, run through the matcher on top of the regi
 with free slots, numbers that are compatible with others, numbers of no slot, unknown numbers, versions, parts that
 were there before. Besides: how long the robot takes to start.
 
-    python bench/matching.py [--types 100000] [--slots 10000] [--claims 20000]
+    python -m bench.matching [--types 100000] [--slots 10000] [--claims 20000]
 """
 
 from __future__ import annotations

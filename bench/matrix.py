@@ -1,6 +1,6 @@
 """What robots of others do not come back from, each a hundred times: how often ours does, and how fast.
 
-    PYTHONPATH=. python bench/matrix.py [--rounds 100] [--only kill,cycle] [--write]
+    python -m bench.matrix [--rounds 100] [--only kill,cycle] [--write]
 
 The rows are the complaints that users of other agents make most: the agent killed, a part switched off and on, its
 adapter pulled out, foreign traffic, equal ids, more than nine clients, messages larger than a packet. Real processes;
@@ -417,7 +417,7 @@ def main() -> None:
     print(words)
     if options.write:
         title = "A robot comes back from every trouble"
-        write_result("recovery", title, words.splitlines(), made_by="python bench/matrix.py --write")
+        write_result("recovery", title, words.splitlines(), made_by="python -m bench.matrix --write")
     sys.exit(0 if all(row.right == len(row.times) for row in rows) else 1)
 
 

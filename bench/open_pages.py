@@ -1,6 +1,6 @@
 """Pages that are open in browsers, without a browser: they ask and hear what the page's scripts ask and hear.
 
-    python bench/open_pages.py LINK [--pages 30] [--path /] [--seconds 60]
+    python -m bench.open_pages LINK [--pages 30] [--path /] [--seconds 60]
 
 LINK is the address that `msbot demo` prints, with its token. A page costs this process little, so that thirty of them
 fit beside a robot on a small computer; nothing is drawn.

@@ -1,6 +1,6 @@
 """What the page costs: a robot of 120 simulated parts, and no, one, or three browsers that look at it.
 
-    python bench/page.py [--parts 120] [--seconds 10]
+    python -m bench.page [--parts 120] [--seconds 10]
 
 Master, parts and browsers are processes of their own, joined by UDP and HTTP, in real time. The page's share is what
 the master needs more than the same master without a page. Needs Chromium.

@@ -1,6 +1,6 @@
 """How long somebody's STOP takes while another person's browser says as much as it can over its pages' WebSockets.
 
-    python bench/page_flood.py [--rounds 20]
+    python -m bench.page_flood [--rounds 20]
 
 A real `msbot master` with its page and three parts over UDP. Eve, a student, signs in, opens pages and sends messages
 of NiceGUI over their WebSockets without a pause, from a process of her own: right ones, each of which changes something

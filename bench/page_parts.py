@@ -1,6 +1,6 @@
 """What parts that come in by the page cost: a ring of them over WebSockets, each saying ten messages a second.
 
-    python bench/page_parts.py [--parts 30] [--seconds 20]
+    python -m bench.page_parts [--parts 30] [--seconds 20]
 
 Master, guard and part socket are one process, all parts another one, joined by WebSockets on the loopback, in real
 time. Each part hears the one before it; the time on the way is that from `publish` to the function of the next part.

@@ -5,7 +5,7 @@ the agent, 1 or 8 in a burst, and the processor time is divided by the messages.
 messages. A session is one login, four objects, each acknowledged, and the end of the session; 8 in a burst are those
 of 8 clients.
 
-    python bench/path.py [--quick] [--profile] [--sockets | --recorded]
+    python -m bench.path [--quick] [--profile] [--sockets | --recorded]
 
 With `--sockets` packets come and go through UDP sockets of this computer, and what the kernel does counts as well.
 

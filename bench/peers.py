@@ -1,6 +1,6 @@
 """Programs of others with `msbot agent` and, beside it, with other agents: `bench/results/peers.md`.
 
-    PYTHONPATH=. python bench/peers.py --examples FOLDER --demos FOLDER --libraries 'FOLDER/{transport}:FOLDER'
+    python -m bench.peers --examples FOLDER --demos FOLDER --libraries 'FOLDER/{transport}:FOLDER'
         --agent 'MicroXRCEAgent={transport} {where} -m dds=FOLDER/bin/MicroXRCEAgent' --of 'client 3.0.1' [--write]
 
 The programs are built elsewhere; `bench/peers.toml` says how each is started and what it prints when all is well:
@@ -379,7 +379,7 @@ def main() -> None:
     print("\n".join(lines))
     if arguments.write:
         title = "Programs of others with `msbot agent` and with other agents"
-        write_result("peers", title, lines, made_by="PYTHONPATH=. python bench/peers.py ... --write")
+        write_result("peers", title, lines, made_by="python -m bench.peers ... --write")
 
 
 if __name__ == "__main__":

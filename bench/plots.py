@@ -1,6 +1,6 @@
 """What the page Plots costs: the rover, and a browser that looks at 20 curves of it.
 
-    python bench/plots.py [--seconds 10]
+    python -m bench.plots [--seconds 10]
 
 Master, browser and recorder are processes of their own. The page's share is what the master's process needs more than
 with no page open. Needs Chromium and Linux.

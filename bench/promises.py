@@ -1,6 +1,6 @@
 """How often each promise of the docs on security and reliability was tried, and how often it held.
 
-    PYTHONPATH=. python bench/promises.py [--minutes 10] [--write]
+    python -m bench.promises [--minutes 10] [--write]
 
 Runs every test that carries a promise (`@pytest.mark.promise`), again and again until the minutes are used up; each
 round begins anew, with processes, sockets and files of its own. `--write` puts the table into
@@ -96,7 +96,7 @@ def table(tallies: dict[str, Tally], rounds: int) -> str:
     lines = [
         "# Promises, tried and held",
         "",
-        f"Made by `python bench/promises.py`; {rounds} {'round' if rounds == 1 else 'rounds'} on {describe_machine()}.",
+        f"Made by `python -m bench.promises`; {rounds} {'round' if rounds == 1 else 'rounds'} on {describe_machine()}.",
         "",
         "| promise | tried | held | tests |",
         "|---|---:|---:|---|",

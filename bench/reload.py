@@ -1,6 +1,6 @@
 """How long a class's pages take to come back after the master was started again.
 
-    python bench/reload.py [--pupils 30] [--tabs 2] [--browsers 2] [--write]
+    python -m bench.reload [--pupils 30] [--tabs 2] [--browsers 2] [--write]
 
 A real `msbot master` with three parts over UDP. Each pupil is signed in and has some tabs: of the first pupils real
 tabs of Chromium, of all others what a page does in a tab, with a genuine client of socket.io: it asks `/beat`, waits by
@@ -235,7 +235,7 @@ def main() -> None:
     print("\n".join(lines))
     if options.write:
         write_result(
-            "reload", "Pages come back after a restart of the master", lines, made_by="python bench/reload.py --write"
+            "reload", "Pages come back after a restart of the master", lines, made_by="python -m bench.reload --write"
         )
 
 

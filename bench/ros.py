@@ -1,6 +1,6 @@
 """What of ROS 2 works with which middleware, as the tests show it, and how long it takes.
 
-    PYTHONPATH=. python bench/ros.py [--write] [--times 300]
+    python -m bench.ros [--write] [--times 300]
 
 Runs tests.ros.genuine: genuine ROS 2 Jazzy in an environment that the tests make, in a network of its own. Its packages
 have `rmw_fastrtps` only. Whoever has built `librmw_cyclonedds_cpp.so` for them names it in MSBOT_RMW_CYCLONEDDS, and
@@ -75,7 +75,7 @@ def main() -> int:
     lines = table(passed, times)
     print("\n".join(lines))
     if options.write:
-        write_result("ros", "ROS 2 by middleware", lines, made_by="PYTHONPATH=. python bench/ros.py --write")
+        write_result("ros", "ROS 2 by middleware", lines, made_by="python -m bench.ros --write")
     return 0 if not any("**no**" in line for line in lines) else 1
 
 

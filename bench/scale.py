@@ -1,6 +1,6 @@
 """What a thousand robots with ten parts each cost: a few robots for real, then one database and one router for all.
 
-    python bench/scale.py [--robots 1000] [--write]
+    python -m bench.scale [--robots 1000] [--write]
 
 Some samples, in a network namespace of its own with nothing in it but the loopback interface (needs root, `unshare`,
 `ip`), within five minutes:
@@ -93,7 +93,7 @@ def main() -> None:
                 print("\n".join(made), flush=True)
                 lines += made
         if chosen.write:
-            write_result("scale", "From one robot to a thousand", lines, made_by="python bench/scale.py --write")
+            write_result("scale", "From one robot to a thousand", lines, made_by="python -m bench.scale --write")
 
 
 def memory_mb(pid: int) -> float:

@@ -1,6 +1,6 @@
 """What a simulated robot costs while it lives: processor time for each second of its own time, in virtual time.
 
-    python bench/simulated.py [--seconds S] [--repeats N] [--profile]
+    python -m bench.simulated [--seconds S] [--repeats N] [--profile]
 
 The samples as `msbot demo` runs them, without pages: nobody looks, nobody acts. The registry is a new one.
 """

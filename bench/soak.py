@@ -1,7 +1,7 @@
 """Hours of abuse of a robot in real processes, with an oracle that says what must hold all the time.
 
-    PYTHONPATH=. python bench/soak.py --minutes 30 --seed 1 [--keep FILE.json] [--bus can:vcan0] [--calm-master]
-    PYTHONPATH=. python bench/soak.py --table FILE.json... [--write]
+    python -m bench.soak --minutes 30 --seed 1 [--keep FILE.json] [--bus can:vcan0] [--calm-master]
+    python -m bench.soak --table FILE.json... [--write]
 
 A master with its page and an SQLite database, parts over UDP, TCP, WebSocket and a simulated CAN bus, intruders on each
 of them. Chance (`--seed`) kills, freezes, cuts and restarts them, locks, deletes and replaces the database, and does
@@ -215,7 +215,7 @@ def main() -> None:
         words = table([json.loads(file.read_text()) for file in options.table])
         print(words)
         if options.write:
-            command = "python bench/soak.py --table FILE ... --write"
+            command = "python -m bench.soak --table FILE ... --write"
             write_result("soak", "Hours of trouble at random", words.splitlines(), made_by=command)
         return
     if options.hours:

@@ -1,6 +1,6 @@
 """How long a student waits for `import msbot`, `msbot --help`, and the page of `msbot demo` and `msbot master`.
 
-    python bench/startup.py [--runs N] [--write]
+    python -m bench.startup [--runs N] [--write]
 
 Each row is a fresh process with its files in memory and its byte-code compiled, as it is after the first start: on a
 busy machine go by the least processor time. The page is there when a visitor who follows the printed link has got the
@@ -164,7 +164,7 @@ def main() -> None:
         )
     print("\n".join(lines))
     if chosen.write:
-        write_result("startup", "How long starts take", lines, made_by="python bench/startup.py --write")
+        write_result("startup", "How long starts take", lines, made_by="python -m bench.startup --write")
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """How long STOP takes to reach a master, in every state of trouble, by `msbot stop`'s socket and by an open page.
 
-    python bench/stop.py [--rounds 10]
+    python -m bench.stop [--rounds 10]
 
 A real `msbot master` with its page and three parts (three processes, over UDP), as in `tests/hostile`, which has the
 states. Each round says STOP and GO by the socket, then by the page's API over a connection that was open before, and

@@ -1,6 +1,6 @@
 """STOP with all kinds of parts, while all kinds of things happen: who has heard anything after all had confirmed.
 
-    PYTHONPATH=. python bench/stop_table.py [--write]
+    python -m bench.stop_table [--write]
 
 The stories of `tests.stop`, in virtual time: parts in Python, of the firmware (C), in MicroPython's VM and in a browser
 speak and listen without a pause; STOP is said; something happens; and when all have confirmed, no function of a part
@@ -116,7 +116,7 @@ def main() -> None:
         firmware.close()
         chromium.close()
     if options.write:
-        write_result("stop_table", TITLE, lines, made_by="PYTHONPATH=. python bench/stop_table.py --write")
+        write_result("stop_table", TITLE, lines, made_by="python -m bench.stop_table --write")
     sys.exit(0 if all_held else 1)
 
 

@@ -1,6 +1,6 @@
 """How long STOP takes while strangers flood the master by all ways at the same time, and what the floods cost.
 
-    PYTHONPATH=. python bench/stop_under_flood.py [--rounds 20] [--scale 1.0] [--write]
+    python -m bench.stop_under_flood [--rounds 20] [--scale 1.0] [--write]
 
 A real `msbot master` with links over UDP and TCP and its page, and three parts (three processes, over UDP). Floods
 without any rights come from processes that are pinned to another processor than the master: datagrams from ever new
@@ -34,7 +34,7 @@ from tests.e2e.test_processes import free_port
 from tests.hostile.robot import Robot
 
 TITLE = "STOP while strangers flood the master"
-COMMAND = "PYTHONPATH=. python bench/stop_under_flood.py --write"
+COMMAND = "python -m bench.stop_under_flood --write"
 PARTS = ("AA", "BB")
 NEWCOMER = "CC"
 UDP_S, TCP_S, HTTP_S, TLS_S = 8700.0, 430.0, 236.0, 100.0

@@ -1,6 +1,6 @@
 """How long a robot is without a master when the one that serves it is killed, frozen or cut off.
 
-    PYTHONPATH=. python bench/takeover.py [--rounds 30] [--write]
+    python -m bench.takeover [--rounds 30] [--write]
 
 Two masters with `--standby`, a PostgreSQL server and three parts, each on a computer (network namespace) of its own;
 needs root, `ip`, and Debian's postgresql. In turn: `kill -9`; SIGSTOP, thawed when the other one serves; the cable to
@@ -82,7 +82,7 @@ def main() -> None:
     print(words)
     if options.write:
         title = "A standby master takes over"
-        write_result("takeover", title, words.splitlines(), made_by="python bench/takeover.py --write")
+        write_result("takeover", title, words.splitlines(), made_by="python -m bench.takeover --write")
     sys.exit(0 if all(is_right(one) for found in taken.values() for one in found) else 1)
 
 

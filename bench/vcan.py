@@ -3,7 +3,7 @@
 The master is one process, all parts are another one, in a ring: each publishes, each hears its predecessor. Linux only,
 on an interface that is up; where the kernel has no CAN, in a virtual machine:
 
-    tools/run-in-vm.sh .venv/bin/python bench/vcan.py [--parts 10] [--seconds 60] [--hertz 10] [--fd]
+    tools/run-in-vm.sh .venv/bin/python -m bench.vcan [--parts 10] [--seconds 60] [--hertz 10] [--fd]
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """What stands between a part and its master, measured: nothing, a relay, or an agent that feeds the master.
 
-    PYTHONPATH=. python bench/ways.py [--parts 10] [--rate 20] [--seconds 10] [--write]
+    python -m bench.ways [--parts 10] [--rate 20] [--seconds 10] [--write]
 
 A real `msbot master`; beside it `msbot relay` or `msbot agent --master`; real parts in a process of their own, in a
 ring in which each says so many messages a second to the next one, all over UDP on the loopback. The time on the way is
@@ -150,7 +150,7 @@ def main() -> None:
         lines.append(f"| {name.replace('the master itself', 'nothing')} | {' | '.join(cells)} |")
         print(lines[-1], flush=True)
     if chosen.write:
-        write_result("ways", "Ways between part and master", lines, made_by="python bench/ways.py --write")
+        write_result("ways", "Ways between part and master", lines, made_by="python -m bench.ways --write")
 
 
 if __name__ == "__main__":
