@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import sys
 from pathlib import Path
+from random import Random
 
 import pytest
 
@@ -12,6 +13,7 @@ from msbot_agent.link import open_link
 from msbot_agent.link.link_schemes import Scheme
 from msbot_agent.startup import extensions as module
 from msbot_agent.startup.extensions import Extension, Extensions, installed
+from msbot_school.faults.packet_treatments import ErrorTolerantTreatment
 from msbot_xrce.errors import ConfigError
 
 
@@ -115,3 +117,33 @@ def test_octets_that_are_no_text_do_no_harm(tmp_path: Path, monkeypatch: pytest.
     (bad / "METADATA").write_bytes(b"Name: bad\nVersion: \xff\n")
     (bad / "entry_points.txt").write_bytes(b"[msbot.links]\n\xff\xfe = ]]]\n")
     assert [one.name for one in installed() if one.package == "good 1"] == ["far"]
+
+
+class WithoutFreeAt:
+    """A treatment of packets that is not complete."""
+
+    def __init__(self, amount: float, chance: Random) -> None:
+        self.amount, self.chance = amount, chance
+
+    def delays(self, peer: object, now: float, *, inward: bool) -> list[float]:
+        raise NotImplementedError
+
+
+class Old:
+    """Has neither of the methods."""
+
+    def __init__(self, amount: float, chance: Random) -> None:
+        self.amount, self.chance = amount, chance
+
+    def waits(self, peer: object, now: float, *, inward: bool) -> list[float]:
+        raise NotImplementedError
+
+
+def test_a_fault_names_the_methods_that_are_missing() -> None:
+    for made, words in (
+        (WithoutFreeAt, "the class WithoutFreeAt has no free_at()"),
+        (Old, "the class Old has no delays() and no free_at()"),
+    ):
+        with pytest.raises(ConfigError) as caught:
+            ErrorTolerantTreatment("tired", made, 1.0, Random(1))
+        assert str(caught.value) == f"the extension that brings the fault tired failed: TypeError: {words}"

@@ -51,6 +51,7 @@ def test_it_brings_one_of_each_in_under_150_lines(env: dict[str, str]) -> None:
     found = json.loads(told("extensions", "--json", env=env))["extensions"]
     assert sorted(row["group"] for row in found) == sorted(GROUPS)
     assert {row["left_out"] for row in found} == {""}
+    assert [row["problems"] for row in found if row["problems"]] == []
     lines = told("extensions", env=env).splitlines()
     assert lines[0] == "msbot-hello 1.0"
     assert "  commands        hello" in lines
@@ -82,6 +83,50 @@ def test_a_wrong_address_is_told_as_it_is_of_msbots_own(env: dict[str, str]) -> 
     assert "scratch has no options; write it like `scratch`" in done.stderr
     done = run("part", "ABCD", "--link", "nothing:x", env=env)
     assert "slow:50:udp:127.0.0.1:8888" in done.stderr, "it is among the kinds that there are"
+
+
+def test_its_own_folder_is_checked_while_it_is_installed(env: dict[str, str], place: Path, tmp_path: Path) -> None:
+    folder = place / "msbot_hello/part_types"
+    assert told("library", "check", str(folder), env=env).startswith("No mistake: ")
+    (tmp_path / "COPY.toml").write_text((folder / "HELLO-LOAD.toml").read_text())
+    done = run("library", "check", str(tmp_path), env=env)
+    assert done.returncode == 2
+    assert f'part number "HELLO-LOAD" is taken by {folder / "HELLO-LOAD.toml"}' in done.stderr
+
+
+def test_a_driver_that_is_not_there_is_named(tmp_path: Path) -> None:
+    types = tmp_path / "msbot_disk"
+    types.mkdir()
+    (types / "__init__.py").touch()
+    load = (EXAMPLE / "src/msbot_hello/part_types/HELLO-LOAD.toml").read_text()
+    (types / "DISK-1.toml").write_text(
+        load.replace("HELLO-LOAD", "DISK-1").replace("msbot_hello.classroom:Load", "msbot_disk:")
+    )
+    info = tmp_path / "msbot_disk-0.1.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: msbot-disk\nVersion: 0.1\n")
+    (info / "entry_points.txt").write_text(f"[{PREFIX}part_types]\ndisk = msbot_disk\n")
+    env = {"PYTHONPATH": str(tmp_path), "COLUMNS": "100"}
+    done = run("extensions", env=env)
+    assert done.returncode == 1
+    words = "the driver msbot_disk:Meter of part DISK-1 cannot be found: module 'msbot_disk' has no attribute 'Meter'"
+    assert f"  part_types      disk  {words}" in done.stdout.splitlines()
+    (row,) = json.loads(run("extensions", "--json", env=env).stdout)["extensions"]
+    assert (row["left_out"], row["problems"]) == ("", [words])
+    assert "DISK-1" in told("library", "list", env=env), "it can be simulated"
+
+
+def test_a_fault_that_was_installed_after_the_master_began(env: dict[str, str], tmp_path: Path) -> None:
+    with running("demo", "--port", "0", "--robot", "rover", cwd=tmp_path) as process:
+        process.wait_for("http://")
+        done = run("fault", "add", "hiccup", "fan", "--robot", "ROVER", env=env, cwd=tmp_path)
+        assert done.returncode == 2
+        assert "the running master does not know the fault 'hiccup', which an extension here adds: restart" in " ".join(
+            done.stderr.split()
+        )
+        done = run("fault", "add", "hicup", "fan", "--robot", "ROVER", env=env, cwd=tmp_path)
+        assert "there is no fault 'hicup'" in done.stderr
+        assert "restart" not in done.stderr
 
 
 @pytest.fixture

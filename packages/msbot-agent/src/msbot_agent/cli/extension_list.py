@@ -21,7 +21,7 @@ from msbot_agent.startup.extensions import GROUPS, Extension, extensions
 def command(*, as_json: bool) -> None:
     """List the installed extensions, what each contains, and why something is left out.
 
-    Exit status: 0 = everything works, 1 = something is left out.
+    Exit status: 0 = everything works, 1 = something is left out or does not work.
     """
     logging.disable()  # what is left out is said below
     _load_all()
@@ -31,7 +31,13 @@ def command(*, as_json: bool) -> None:
             json.dumps(
                 {
                     "extensions": [
-                        {"package": one.package, "group": one.group, "name": one.name, "left_out": why}
+                        {
+                            "package": one.package,
+                            "group": one.group,
+                            "name": one.name,
+                            "left_out": why,
+                            "problems": extensions().problems(one),
+                        }
                         for one, why in found
                     ]
                 }
@@ -41,7 +47,7 @@ def command(*, as_json: bool) -> None:
         click.echo("No extension is installed. How to write one: docs/howto/write_an_extension.md")
     else:
         _print(found)
-    if any(why for _, why in found):
+    if any(why or extensions().problems(one) for one, why in found):
         click.get_current_context().exit(ExitStatus.NO)
 
 
@@ -68,7 +74,7 @@ def _print(found: list[tuple[Extension, str]]) -> None:
     for package, members in groupby(found, key=lambda pair: pair[0].package):
         rows = defaultdict[str, list[tuple[str, str]]](list)
         for one, why in members:
-            rows[one.group].append((one.name, why))
+            rows[one.group].append((one.name, f"left out: {why}" if why else "; ".join(extensions().problems(one))))
         click.echo(package)
         for group, named in rows.items():
             well = [name for name, why in named if not why]
@@ -76,4 +82,4 @@ def _print(found: list[tuple[Extension, str]]) -> None:
                 click.echo(f"  {group:<{width}}  {', '.join(well)}")
             for name, why in named:
                 if why:
-                    click.echo(f"  {group:<{width}}  {name}  left out: {why}")
+                    click.echo(f"  {group:<{width}}  {name}  {why}")

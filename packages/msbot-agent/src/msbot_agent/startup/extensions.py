@@ -74,6 +74,7 @@ class Extensions:
         self._found: dict[str, dict[str, Extension]] | None = None
         self._loaded: dict[tuple[str, str], object] = {}
         self._left_out: dict[tuple[str, str, str], str] = {}
+        self._problems: dict[tuple[str, str, str], list[str]] = {}
 
     def names(self, group: str, taken: Iterable[str] = ()) -> dict[str, Extension]:
         """What there is in a group, by name; nothing is imported.
@@ -138,6 +139,16 @@ class Extensions:
         one = self.names(group).get(name)
         if one is not None:
             self.leave_out(one, why)
+
+    def add_problem(self, group: str, name: str, words: str) -> None:
+        """Something in it does not work, but the rest is used: for `msbot extensions`."""
+        one = self.names(group).get(name)
+        if one is not None:
+            self._problems.setdefault(self._key(one), []).append(words)
+
+    def problems(self, one: Extension) -> list[str]:
+        """What `add_problem` was told of it."""
+        return self._problems.get(self._key(one), [])
 
     def listed(self) -> Iterator[tuple[Extension, str]]:
         """All extensions, with why they are left out; empty: they are not.

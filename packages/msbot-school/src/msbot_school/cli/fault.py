@@ -19,6 +19,7 @@ from msbot_agent.cli.exit_status import ExitStatus
 from msbot_agent.cli.options import FiniteRange, WholeRange, json_option
 from msbot_agent.cli.table import print_table
 from msbot_xrce.counting import amount
+from msbot_xrce.errors import ConfigError
 
 if TYPE_CHECKING:
     from msbot_school.faults.fault_kinds import FaultKind
@@ -67,7 +68,22 @@ def fault_command() -> None:
 @robot_and_json_options
 def add(db: str | None, robot: str | None, *, for_s: float | None, **wish: object) -> None:
     """Plant a fault at the part in a slot, or in the whole robot."""
-    say(db, robot, "plant_fault", {**wish, "for": for_s})
+    try:
+        say(db, robot, "plant_fault", {**wish, "for": for_s})
+    except ConfigError as error:
+        raise _restart_hinted(error, str(wish["kind"])) from None
+
+
+def _restart_hinted(error: ConfigError, kind: str) -> ConfigError:
+    """What the master said; of a kind that is installed here but that it does not know, why it does not."""
+    from msbot_school.faults.fault_kinds import KINDS
+
+    if not str(error).startswith(f"there is no fault {kind!r}") or kind not in KINDS:
+        return error
+    return ConfigError(
+        f"the running master does not know the fault {kind!r}, which an extension here adds: restart the master (if it "
+        "uses another environment, install the extension there first)"
+    )
 
 
 @fault_command.command("list")

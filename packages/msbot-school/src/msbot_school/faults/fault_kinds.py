@@ -126,7 +126,8 @@ class _Kinds(Mapping[str, FaultKind]):
         for name, one in tuple(found.items()):
             if one.kind.name != name or one.kind.acts is not InjectionPoint.EDGE:
                 why = (
-                    f"its kind is {one.kind.name!r} and acts {one.kind.acts.value}; it needs the name {name!r} and EDGE"
+                    f"its kind is {one.kind.name!r} and acts {one.kind.acts.value}; it needs the name {name!r} and "
+                    "InjectionPoint.EDGE"
                 )
                 extensions().leave_out_named("faults", name, why)
                 del found[name]

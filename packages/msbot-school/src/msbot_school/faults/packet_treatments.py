@@ -106,8 +106,9 @@ class ErrorTolerantTreatment:
             core = make(amount, random)
         except Exception as error:
             raise self._left_out(error) from error
-        if not isinstance(core, PacketTreatment):
-            raise self._left_out(TypeError(f"a {type(core).__name__} has no waits() or no free_at()"))
+        missing = [f"{name}()" for name in ("delays", "free_at") if not callable(getattr(core, name, None))]
+        if missing or not isinstance(core, PacketTreatment):
+            raise self._left_out(TypeError(f"the class {type(core).__name__} has no {' and no '.join(missing)}"))
         self._core: PacketTreatment | None = core
 
     def _left_out(self, error: Exception) -> ConfigError:

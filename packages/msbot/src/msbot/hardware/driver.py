@@ -94,9 +94,32 @@ def driver_class(part_type: PartType) -> type[Driver]:
         raise ConfigError(
             f"the driver {spec.entry_point} of part {part_type.number} cannot be found: {error}"
         ) from None
+    except Exception as error:  # modules of others may raise anything
+        words = f"{type(error).__name__}: {error}"
+        raise ConfigError(
+            f"the driver {spec.entry_point} of part {part_type.number} cannot be loaded: {words}"
+        ) from error
     if not (isinstance(found, type) and issubclass(found, Driver)):
         raise ConfigError(f"{spec.entry_point} is not a driver: it must be a class derived from msbot.hardware.Driver")
+    for flag, methods in _METHODS.items():
+        _check_methods(spec.entry_point, found, flag, methods)
     return found
+
+
+_METHODS = {"samples": ("sample",), "drives": ("outputs_for", "drive")}
+"""What a driver needs that says so of itself."""
+
+
+def _check_methods(entry_point: str, driver: type[Driver], flag: str, methods: tuple[str, ...]) -> None:
+    own = [name for name in methods if getattr(driver, name) is not getattr(Driver, name)]
+    missing = [f"{name}()" for name in methods if name not in own]
+    if getattr(driver, flag) and missing:
+        raise ConfigError(f"the driver {entry_point} has {flag} = True, but no {' and no '.join(missing)}; write it")
+    is_meant = any(flag in vars(base) for base in driver.__mro__ if base is not Driver)
+    if own and not is_meant:
+        raise ConfigError(
+            f"the driver {entry_point} has {own[0]}(), which is never called; write {flag} = True into the class"
+        )
 
 
 def bus_of(part_type: PartType, wiring: PartWiring, name: str) -> str:

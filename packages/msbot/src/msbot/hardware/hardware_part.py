@@ -30,6 +30,7 @@ from msbot.part.beginner_hints import part_is_run
 from msbot.part.join.pnp_messages import UID_OCTETS, Nature
 from msbot.sim import ModelPart
 from msbot_agent.link import Link
+from msbot_agent.text.similar_names import instead_of
 
 # Tells the robot why a part is not there: hardware that does not answer when the program starts.
 #
@@ -99,6 +100,8 @@ ALIVE_S = 1.0
 """Period in which even a part that speaks only on a change is read."""
 MOST_EVENTS = 32
 """Most changes noticed by the driver that wait for the loop; beyond that the oldest is dropped and counted."""
+MOST_UNKNOWN = 10
+"""Most names of readings that a robot is told of because the model does not have them."""
 
 _log = logging.getLogger("msbot.part")
 
@@ -164,6 +167,8 @@ class HardwarePart(ModelPart):
         self._given: object = None
         self._events: deque[Values] = deque(maxlen=MOST_EVENTS)
         self._said_fault = ""
+        self._said_unknown: set[str] = set()
+        """Names of readings that the model does not have, and of which the robot was told."""
         self._absence = Absence()
         self._is_leaving = False
         self.part.every(self._tick_s() if not self._driver.drives else 0.02)(self._tick)
@@ -285,6 +290,7 @@ class HardwarePart(ModelPart):
 
     def _joined(self) -> None:
         self._absence.is_over()
+        self._said_unknown.clear()
         self._next_at = self._time()
 
     def _tick(self) -> None:
@@ -332,9 +338,20 @@ class HardwarePart(ModelPart):
             self._take(measured)
 
     def _take(self, measured: Values) -> None:
-        self._world.feed(measured, self._time())
+        for name in self._world.feed(measured, self._time()):
+            self._say_unknown(name)
         self._say()
         self._move()
+
+    def _say_unknown(self, name: str) -> None:
+        """Tell people once in each robot: what the driver reads goes nowhere, as after a slip of the pen."""
+        if name in self._said_unknown or len(self._said_unknown) >= MOST_UNKNOWN:
+            return
+        self._said_unknown.add(name)
+        model = self._simulator
+        known = [*(entry.name for entry in model.controls), *(entry.name for entry in model.readings)]
+        words = f"the driver reads {name!r}, but the part type has no such control or reading"
+        self.part.log(f"{words}; {instead_of(name, known)}", level="warning")
 
     def _period_s(self) -> float:
         """The period of reading: as often as the part publishes with its present settings."""

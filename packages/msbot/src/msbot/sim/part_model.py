@@ -112,14 +112,21 @@ class PartModel:
         self._is_changed = True
         self.advance(now)
 
-    def feed(self, measured: Mapping[str, Scalar], now: float) -> None:
-        """Take values measured at the real device: controls, or readings, which are then no longer computed."""
+    def feed(self, measured: Mapping[str, Scalar], now: float) -> list[str]:
+        """Take values measured at the real device: controls, or readings, which are then no longer computed.
+
+        Returns:
+            The names that are no sources of the model; their values are not taken.
+        """
         self.advance(now)
+        unknown = [name for name in measured if name not in self._values]
+        measured = {name: value for name, value in measured.items() if name in self._values}
         names = {gauge.reading.name for gauge in self._gauges}
         self._measured |= {name: value for name, value in measured.items() if name in names}
         self._values |= measured
         self._is_changed = True
         self.advance(now)
+        return unknown
 
     def jump_to_targets(self, now: float) -> None:
         """Let everything that moves arrive at once: a safe value has no ramp."""

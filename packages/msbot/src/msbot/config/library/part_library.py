@@ -220,14 +220,22 @@ def _add(read: _Read, documents: Iterable[Document], problems: Problems) -> None
             continue
         if part_type.number in read.types:
             _, other = read.types[part_type.number]
-            file.table.report(
-                f'part number "{part_type.number}" is taken by {other.source}; give each type a number of its own',
-                "number",
-            )
+            if not _is_same_file(part_type.source, other.source):  # as the folder of an extension that is installed
+                file.table.report(
+                    f'part number "{part_type.number}" is taken by {other.source}; give each type a number of its own',
+                    "number",
+                )
         elif part_type.number:
             read.types[part_type.number] = (file, part_type)
     check_agreement({number: (file.table, part_type) for number, (file, part_type) in read.types.items()})
     problems.raise_if_any()
+
+
+def _is_same_file(source: str, other: str) -> bool:
+    try:
+        return Path(source).samefile(other)
+    except OSError:  # a part type that comes with MsBOT has no path
+        return False
 
 
 def _in(places: Iterable[Path], problems: Problems) -> Iterator[Document]:
