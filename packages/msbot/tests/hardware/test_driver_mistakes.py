@@ -24,6 +24,15 @@ class Slip(Driver):
         return {"usd": 42.0}
 
 
+class ReadsMore(Driver):
+    """Reads more than the type uses."""
+
+    samples = True
+
+    def sample(self, values: Values) -> Values:
+        return {"used": 42.0, "free": 58.0}
+
+
 class WithoutSample(Driver):
     """Says that it reads, and does not."""
 
@@ -44,6 +53,18 @@ class Unsaid(Driver):
 
     def sample(self, values: Values) -> Values:
         return values
+
+
+class WrongSource(Driver):
+    """Switches by `usd` in place of `used`."""
+
+    drives = True
+
+    def outputs_for(self, values: Values) -> object:
+        return values["usd"]
+
+    def drive(self, wanted: object) -> None:
+        raise AssertionError(wanted)
 
 
 class Reads(Slip):
@@ -119,10 +140,45 @@ def test_a_reading_of_a_wrong_name_is_said_once_at_the_part_and_in_why(
 
     with caplog.at_level(logging.WARNING, "msbot.part"):
         play("DISK-1", machine_at(tmp_path), scene)
-    assert [record.getMessage().partition(": ")[2] for record in caplog.records if "usd" in record.getMessage()] == [
-        words
-    ]
+    (record,) = [record for record in caplog.records if "usd" in record.getMessage()]
+    assert record.getMessage() == f"DISK-1: {words}"
+    assert record.levelno == logging.ERROR, "the journal, and with it `msbot why` and `msbot parts`, has only errors"
     assert f"its program says: {words}" in seen
+
+
+def test_a_reading_that_a_type_does_not_use_is_no_error(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr(robot, "LIBRARY", library(tmp_path, f"{__name__}:ReadsMore"))
+
+    async def scene(bench: Bench) -> None:
+        await bench.until(lambda: len(bench.heard["used"]) > 3)
+        assert bench.last("used")["percent"] == 42.0
+
+    with caplog.at_level(logging.WARNING, "msbot.part"):
+        play("DISK-1", machine_at(tmp_path), scene)
+    (record,) = [record for record in caplog.records if "'free'" in record.getMessage()]
+    assert record.levelno == logging.WARNING
+
+
+def test_a_driver_that_needs_a_source_that_is_not_there_keeps_its_part_out_and_says_why(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(robot, "LIBRARY", library(tmp_path, f"{__name__}:WrongSource"))
+    words = "the driver needs the value 'usd', but the part type has no such source; did you mean used?"
+    seen = list[str]()
+
+    async def scene(bench: Bench) -> None:
+        def why() -> list[str]:
+            parts = [info.part for info in bench.master.inventory.view(0.0)]
+            return [line for part in parts for line in bench.master.why(part, by_name=True)]
+
+        await bench.until(lambda: any(words in line for line in why()))
+        seen.extend(why())
+        assert bench.unit.part.state is not JoinState.ACTIVE
+
+    assert play("DISK-1", machine_at(tmp_path), scene, joins=False).unit.fault == words
+    assert seen
 
 
 def test_a_mistake_is_told_before_anything_is_opened(tmp_path: Path) -> None:

@@ -44,6 +44,6 @@ NO_MEANS = {
         ("log show", "log filter", "log export", "play", "plot", "mission report"),
         "the recording is damaged, or has no such topic or slot",
     ),
-    "extensions": "one is left out",
+    "extensions": "one is left out, or does not work",
 }
 """Command -> what it means by `ExitStatus.NO`."""

@@ -18,7 +18,7 @@ import concurrent.futures
 import contextlib
 import logging
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from random import Random
 
 from msbot.config import PartType, Scalar
@@ -104,6 +104,23 @@ MOST_UNKNOWN = 10
 """Most names of readings that a robot is told of because the model does not have them."""
 
 _log = logging.getLogger("msbot.part")
+
+
+class ModelValues(dict[str, Scalar]):
+    """What the model's sources are now; to ask for a name that is not among them is a fault in words.
+
+    Args:
+        values: all sources.
+        hints: the names that a driver most likely means.
+    """
+
+    def __init__(self, values: Values, hints: Sequence[str]) -> None:
+        super().__init__(values)
+        self._hints = hints
+
+    def __missing__(self, name: str) -> Scalar:
+        words = f"the driver needs the value {name!r}, but the part type has no such source"
+        raise HardwareFault(f"{words}; {instead_of(name, self._hints)}")
 
 
 class HardwarePart(ModelPart):
@@ -221,6 +238,8 @@ class HardwarePart(ModelPart):
             if self._driver.samples:
                 measured = await self._in_bus(lambda: self._driver.sample(self._snapshot()))
                 self._world.feed(measured or {}, self._time())
+            if self._driver.drives:
+                self._driver.outputs_for(self._snapshot())  # a mistake in it shows before the part joins
         except HardwareFault as fault:
             self._note(str(fault))
             await self._close()
@@ -339,19 +358,22 @@ class HardwarePart(ModelPart):
 
     def _take(self, measured: Values) -> None:
         for name in self._world.feed(measured, self._time()):
-            self._say_unknown(name)
+            self._say_unknown(name, measured)
         self._say()
         self._move()
 
-    def _say_unknown(self, name: str) -> None:
-        """Tell people once in each robot: what the driver reads goes nowhere, as after a slip of the pen."""
+    def _say_unknown(self, name: str, measured: Values) -> None:
+        """Tell people once in each robot: what the driver reads goes nowhere.
+
+        It is an error where a control is left that nothing measures: the name is misspelt, and the part publishes what
+        its type starts with. Else the type uses less than the driver reads.
+        """
         if name in self._said_unknown or len(self._said_unknown) >= MOST_UNKNOWN:
             return
         self._said_unknown.add(name)
-        model = self._simulator
-        known = [*(entry.name for entry in model.controls), *(entry.name for entry in model.readings)]
         words = f"the driver reads {name!r}, but the part type has no such control or reading"
-        self.part.log(f"{words}; {instead_of(name, known)}", level="warning")
+        is_error = any(control.name not in measured for control in self._simulator.controls)
+        self.part.log(f"{words}; {instead_of(name, self._sources())}", level="error" if is_error else "warning")
 
     def _period_s(self) -> float:
         """The period of reading: as often as the part publishes with its present settings."""
@@ -365,8 +387,13 @@ class HardwarePart(ModelPart):
         shortest = min(periods[1:], default=ALIVE_S)
         return max(0.02, shortest)
 
-    def _snapshot(self) -> dict[str, Scalar]:
-        return dict(self._world.values)
+    def _snapshot(self) -> ModelValues:
+        return ModelValues(self._world.values, self._sources())
+
+    def _sources(self) -> list[str]:
+        """What a driver may read and switch, by name."""
+        model = self._simulator
+        return [*(entry.name for entry in model.controls), *(entry.name for entry in model.readings)]
 
     def _noticed(self, measured: Values) -> None:
         """From any thread: something has changed."""
@@ -395,7 +422,11 @@ class HardwarePart(ModelPart):
         """Hand the newest outputs to the driver, if they have changed."""
         if not (self._driver.drives and self._open):
             return
-        wanted = self._driver.outputs_for(self._world.values)
+        try:
+            wanted = self._driver.outputs_for(self._snapshot())
+        except HardwareFault as fault:
+            self._failed(fault)
+            return
         if wanted == self._given:
             return
         if not self._driver.blocking:
@@ -432,7 +463,7 @@ class HardwarePart(ModelPart):
         super()._be_safe()
         if not self._is_commanded and self._driver.drives and self._open:
             self._world.jump_to_targets(self._time())
-            self._drive_now(self._driver.outputs_for(self._world.values))
+            self._drive_now(self._driver.outputs_for(self._snapshot()))
 
     def _drive_now(self, wanted: object) -> None:
         """Switch the outputs before returning.
