@@ -4,6 +4,7 @@ import struct
 
 from .errors import RemoteProtocolError
 from .message import Kind, fits, read, write, zero
+from .running import once
 
 
 class IntEnum:
@@ -81,6 +82,8 @@ class ListKind(Kind):
     """A list, or bytes; `sign` is "" for any number of elements, "<=" for at most `count`, "=" for exactly so many."""
 
     def __init__(self, element, sign="", count=0, octets=False):
+        if element in (int, float):
+            raise once("words").no_size(element)
         make = getattr(element, "kind_of", None)
         self.element = make(element) if make else element
         self.sign = sign

@@ -306,6 +306,7 @@ class Membership:
         if self.description and self.state in _CLAIMS:
             said = bytearray()
             put_text(said, self.description)
+            once("words").tell_described()
             self._ask(bytes(said), RELIABLE)
 
     def _fetch(self, now):

@@ -32,6 +32,8 @@ class _Field:
 def field(kind, default=None):
     """One field of a message class; without a default it is zero."""
     make = getattr(kind, "kind_of", None)  # an enum
+    if kind in (int, float):
+        raise once("words").no_size(kind)
     return _Field(make(kind) if make else kind, default)
 
 

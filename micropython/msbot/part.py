@@ -281,10 +281,10 @@ class Part:
 
     def changed(self, before, state, reason, now):
         """The state of the membership has changed."""
-        word = state.value
+        word, hint = state.value, ""
         if state is JoinState.REFUSED:
-            word = once("words").told_state(word, reason)
-        told = "has ended" if state is JoinState.ENDED else "is {}: {}".format(word, reason)
+            word, hint = once("words").told_state(word, reason, self.describes)
+        told = "has ended" if state is JoinState.ENDED else "is {}: {}{}".format(word, reason, hint)
         say("info", "{} {}".format(self.local_name, told))
         if self._waiting and JoinState.ACTIVE in (before, state):
             self._waiting.end_all()

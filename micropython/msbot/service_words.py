@@ -1,5 +1,7 @@
 """Sentences about calls and services, imported only when needed."""
 
+from .errors import say
+
 _STATUS = (
     "",
     "STOP is in force: call again after GO",
@@ -66,6 +68,14 @@ def no_call(part, port, bound, fault, most):
     if fault:
         return "call of {}: the port {}".format(port, fault)
     return "call of {}: {} calls wait for replies already: call more slowly".format(port, most)
+
+
+def tell_uncalled(part, port):
+    """Say once what is missing at a port that serves and has no wire."""
+    if (port, "wire") not in part._reported:
+        part._reported.add((port, "wire"))
+        words = "port {0!r}: nobody can call it before `msbot bind {0} --from {1}.{0}`; {2}"
+        say("info", words.format(port, part.slot, part._bound_words()))
 
 
 def fault(binding, direction, name):

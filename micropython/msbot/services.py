@@ -87,8 +87,8 @@ class Services:
                 declared = of[port]
                 fault = self._fault(port, direction, declared)
                 if not fault and direction == 2 and port not in part._ports and not declared[3]:
-                    fault = "nobody can call it: no [[binding]] has it in `from`; " + part._bound_words()
-                if fault:
+                    once("service_words").tell_uncalled(part, port)
+                elif fault:
                     part.report("port {!r}".format(port), fault)
         for port in self._calls:
             if port not in part._ports:

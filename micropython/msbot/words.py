@@ -34,9 +34,26 @@ def refusal(reason):
     return REFUSALS[reason - 1]
 
 
-def told_state(state, reason):
-    """How the state of a refused part is told: without a free slot it is a spare that waits."""
-    return "standby" if reason == REFUSALS[_NO_SLOT - 1] else state
+def told_state(state, reason, describes):
+    """How the state of a refused part is told, without a free slot it is a spare that waits; and what helps."""
+    hint = '; with Part(..., describes="what it is") somebody can adopt it'
+    is_unknown = reason == REFUSALS[0] and not describes
+    return "standby" if reason == REFUSALS[_NO_SLOT - 1] else state, hint if is_unknown else ""
+
+
+def tell_described():
+    """Say that the robot is told what the part is."""
+    words = (
+        "the robot does not know this part number, and is told what the part is: it waits until somebody adopts it, on "
+        "the page Arrivals or with `msbot adopt`"
+    )
+    say("info", words)
+
+
+def no_size(kind):
+    """The error of a type of Python that has no form on the wire."""
+    more = "int32 (or int8, int16, int64, uint8 to uint64)" if kind is int else "float32 (or float64)"
+    return ConfigError("{} says no size on the wire: write {}".format(kind.__name__, more))
 
 
 def key_needed():

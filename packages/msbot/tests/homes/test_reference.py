@@ -7,12 +7,14 @@ import inspect
 import re
 import tempfile
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import pytest
 
 import msbot
 from bench.micropython import measure
+from msbot.part.join.refusal import IS_TOLD, Refusal, refusal_hint
+from msbot.part.messages.message import MessageClassError
 from tests import ROOT
 from tests.homes import micro
 from tests.homes.runners import NODE
@@ -68,6 +70,37 @@ def test_counters_and_states_have_the_same_names() -> None:
     assert counters == {name for name in type(Part("X").counters).__annotations__ if not name.startswith("_")}
     states = {name: state.value for name, state in vars(package.JoinState).items() if not name.startswith("_")}
     assert states == {state.name: state.value for state in msbot.JoinState}
+
+
+def test_what_helps_a_part_is_told_in_the_same_words() -> None:
+    micro.forget()
+    told: list[tuple[str, str]] = []
+    micro.load("errors").listen(lambda *line: told.append(line))
+    words = micro.load("words")
+    unknown, spare = Refusal.UNKNOWN_PART.describe, Refusal.NO_SLOT.describe
+    for describes in (False, True):
+        hint = refusal_hint(unknown, "X", describes=describes)
+        assert words.told_state("refused", unknown, describes) == ("refused", hint)
+    assert words.told_state("refused", spare, False) == ("standby", "")
+    words.tell_described()
+    assert told == [("info", IS_TOLD)]
+    port = micro.load().Part("X")
+    port.slot = "x_1"
+    for _ in range(2):
+        micro.load("service_words").tell_uncalled(port, "mean")
+    missing = "nobody can call it before `msbot bind mean --from x_1.mean`; this robot binds no port of the part"
+    assert told[1:] == [("info", f"port 'mean': {missing}")]
+
+
+@pytest.mark.parametrize("kind", [int, float])
+def test_a_type_that_says_no_size_is_refused_in_the_same_words(kind: type) -> None:
+    micro.forget()
+    home = micro.load()
+    for wrong in (lambda: kind, lambda: home.List[kind], lambda: home.Annotated[home.List[kind], home.AtMost(4)]):
+        with pytest.raises(home.ConfigError) as caught:
+            home.field(wrong())
+        with pytest.raises(MessageClassError, match=re.escape(f"field one: {caught.value}")):
+            type("Own", (msbot.Message,), {"__annotations__": {"one": Annotated[list[kind], msbot.AtMost(4)]}})  # type: ignore[valid-type]
 
 
 @pytest.mark.skipif(NODE is None, reason="there is no node here to run the MicroPython VM in (apt install nodejs)")

@@ -42,6 +42,8 @@ def test_a_program_may_say_the_same_again_and_again_and_a_flood_is_counted(monke
 def test_a_refusal_says_what_helps_at_the_part() -> None:
     assert "--uid" in refusal_hint(Refusal.DUPLICATE.describe, "me")
     assert "`msbot why me`" in refusal_hint(Refusal.NO_SLOT.describe, "me")
+    assert "describes=" in refusal_hint(Refusal.UNKNOWN_PART.describe, "me")
+    assert refusal_hint(Refusal.UNKNOWN_PART.describe, "me", describes=True) == ""
     assert refusal_hint(Refusal.BLOCKED.describe, "me") == ""
     assert displayed_state("refused", Refusal.NO_SLOT.describe) == "standby"
 

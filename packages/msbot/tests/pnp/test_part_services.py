@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Awaitable, Callable
+from dataclasses import replace
 from random import Random
 
 import pytest
@@ -60,6 +61,7 @@ class Scene:
 
     def __init__(self, parts: MemoryStore, *, sealed: bool) -> None:
         keys = Keys(parts, Random(3), sealed=True) if sealed else None
+        self.parts = parts
         self.robot = Robot(parts, explain=True, keys=keys)
         self.sealed = sealed
         self.aa, self.bb, self.cc = (self.make(number) for number in ("ABCD", "EFGH", "WXYZ"))
@@ -90,6 +92,11 @@ class Scene:
     def pull(self, part: Part) -> None:
         """It vanishes without a word."""
         self.running.pop(part).cancel()
+
+    def set(self, configuration: Configuration, version: int) -> None:
+        """A person has changed the wires of a slot."""
+        self.parts.configurations[configuration.slot] = replace(configuration, version=version)
+        self.robot.inventory.configuration_changed(configuration.slot)
 
     def asks(self, port: str, request: Number, timeout: float = 1.0) -> None:
         """AA asks once, from now on."""
@@ -422,7 +429,36 @@ def told_to_people(scene: Scene) -> list[str]:
     return [str(difference_sentence(one)) for one in scene.robot.inventory.type_differences(bb.client_key)]
 
 
+def test_what_a_program_says_of_a_port_counts_until_the_wire_of_the_port_changes() -> None:
+    only = f"serve {HALVE}"
+
+    async def story(scene: Scene) -> None:
+        inventory, lines = scene.robot.inventory, list[str]()
+        inventory.log.on_line(lambda line: lines.append(line.words))
+        halve_with(scene.bb)
+        scene.bb.serves("says", Number, Text)(lambda request: Text(text="seven"))
+        await scene.plug(scene.bb, scene.aa)
+        await asyncio.sleep(1.0)
+        words = "port 'halve': nobody can call it before `msbot bind halve --from BB.halve`; bound in "
+        mine = "port 'says': carries Number -> Number, but the program says Number -> Text"
+        assert [line.words for line in inventory.lines_of("BB")] == lines == [f"{words}this robot: says ({only})", mine]
+        says = SlotBinding("says", "name", HALVE, publishes=True)
+        scene.set(slot("BB", SlotBinding("halve", "half", HALVE, publishes=True), says), version=2)
+        await asyncio.sleep(3.0)
+        assert scene.bb.bound("halve")
+        assert [line.words for line in inventory.lines_of("BB")] == [mine], "the wire of says is the same one"
+        scene.set(slot("BB", replace(says, topic="other")), version=3)
+        await asyncio.sleep(3.0)
+        assert [line.words for line in inventory.lines_of("BB")] == [f"{words}this robot: says ({only})", mine]
+        assert len(lines) == 4, "each is told once for each wire"
+
+    begun = slot("BB", SlotBinding("says", "name", HALVE, publishes=True))
+    tell(story, store(slot("AA"), begun))
+
+
 def test_a_program_that_serves_at_a_wrong_port_is_told_at_once(caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level("INFO", "msbot.part")
+
     async def story(scene: Scene) -> None:
         scene.robot.inventory.types.library_fields = FIELDS.get
         lines: list[str] = []
@@ -432,11 +468,12 @@ def test_a_program_that_serves_at_a_wrong_port_is_told_at_once(caplog: pytest.Lo
         await scene.plug(scene.bb)
         await asyncio.sleep(1.0)
         words = (
-            "port 'halv': nobody can call it: no [[binding]] has it in `from`; bound in this robot: "
+            "port 'halv': nobody can call it before `msbot bind halv --from BB.halv`; bound in this robot: "
             "halve (serve Number -> Number), says (serve Number -> Text), wait (call Number -> Number)"
         )
-        assert [one.getMessage() for one in caplog.records if "port '" in one.getMessage()][:1] == [words]
-        assert lines == [words]
+        said = [one for one in caplog.records if "port '" in one.getMessage()][:1]
+        assert [(one.levelname, one.getMessage()) for one in said] == [("INFO", words)]
+        assert lines == [f"{words[:177]}…"]
         assert told_to_people(scene) == [
             'port halve: the part\'s program has no function that serves it: @part.serves("halve", ...) names one',
             'port says: the part\'s program has no function that serves it: @part.serves("says", ...) names one',

@@ -135,11 +135,17 @@ class Ports:
             return f"carries {binding.topic_type}, but its function expects {type_name}"
         return ""
 
-    def service_fault(self, port: str, type_name: str, direction: BindingDirection, *, optional: bool = True) -> str:
-        """Why a port that serves or calls will do neither, in words; "" = all is well, or the robot need not use it."""
+    def uncalled(self, port: str, slot: str) -> str:
+        """What is missing at a port that serves and has no wire in the part's slot, in words; "" = it has one."""
+        if port in self._bound:
+            return ""
+        return f"nobody can call it before `msbot bind {port} --from {slot}.{port}`; {self.describe}"
+
+    def service_fault(self, port: str, type_name: str, direction: BindingDirection) -> str:
+        """Why a port that serves or calls will do neither, in words; "" = all is well, or it has no wire."""
         binding = self.binding(port)
         if binding is None:
-            return "" if optional else f"nobody can call it: no [[binding]] has it in `from`; {self.describe}"
+            return ""
         if binding.direction != direction:
             verb, use = _words(binding)
             return f"{verb} in this robot's library: use {use}, or another port"

@@ -140,13 +140,14 @@ class ProgramRunner:
         self.trouble_heard = False
         """See `Part.trouble_heard`."""
         self._local_name = ""
+        self._describes = False
         self._counters = PartCounters()
         self._configurations = 0
         self.types = TypeTelling(program)
         self._mistake: ConfigError | None = None
-        self._faults: list[str] = []
+        self._faults: list[tuple[LogLevel, str]] = []
         """What is wrong with ports of the configuration; the robot is told when the part is active."""
-        self._told_faults: set[str] = set()
+        self._told_faults: dict[str, str] = {}
         self._pending: set[After] = set()
         """What is called once, and waits for its time."""
         self._ports: Ports | None = None
@@ -368,7 +369,8 @@ class ProgramRunner:
 
     def _changed(self, change: Changed) -> None:
         told = f"is {displayed_state(change.after.value, change.reason)}: {change.reason}"
-        told += refusal_hint(change.reason, self._local_name) if change.after is JoinState.REFUSED else ""
+        if change.after is JoinState.REFUSED:
+            told += refusal_hint(change.reason, self._local_name, describes=self._describes)
         _log.info("%s %s", self._local_name, "has ended" if change.after is JoinState.ENDED else told)
         assert self._ports is not None
         if change.after is JoinState.CONFIGURING:
@@ -452,14 +454,19 @@ class ProgramRunner:
                 self._stop_said("it holds in the robot that the part has joined", int(setting.value))
         if len(settings) == len(configuration.settings) and self.safety.no_stop_holds():
             self._stop_is_over()
+        before = {port: self._ports.binding(port) for port in self._told_faults}
         self._ports.bind(configuration.bindings)
+        for port, binding in before.items():
+            if self._ports.binding(port) != binding:
+                del self._told_faults[port]  # what was said of another wire does not count for this one
         for port, listener in self.program.listeners.items():
             fault = self._ports.fault_of(port, listener.message_class.type_name, optional=listener.optional)
             self._report_fault(port, fault)
         for port, server in self.program.servers.items():
             name = server.exchange.type_name
-            fault = self._ports.service_fault(port, name, BindingDirection.SERVE, optional=server.optional)
-            self._report_fault(port, fault)
+            self._report_fault(port, self._ports.service_fault(port, name, BindingDirection.SERVE))
+            if not server.optional:
+                self._report_fault(port, self._ports.uncalled(port, self.slot), LogLevel.WARNING)
         for port, exchange in self.program.calls.items():
             self._report_fault(port, self._ports.service_fault(port, exchange.type_name, BindingDirection.CALL))
             if port not in self._ports:
@@ -470,20 +477,22 @@ class ProgramRunner:
         self.settings.tell()
         self._tell("configured")
 
-    def _report_fault(self, port: str, fault: str) -> None:
-        """Say what is wrong with a port here at once, and to the robot's people once in a session."""
+    def _report_fault(self, port: str, fault: str, level: LogLevel = LogLevel.ERROR) -> None:
+        """Say what is wrong with a port here at once, and to the robot's people once for each of its wires."""
         words = f"port {port!r}: {fault}"
-        if fault:
+        if fault and level is LogLevel.ERROR:
             self.guard.report(f"port {port!r}", fault)
-        if fault and words not in self._told_faults:
-            self._told_faults.add(words)
-            self._faults.append(words)
+        if fault and self._told_faults.get(port) != words:
+            if level is not LogLevel.ERROR:
+                _log.info("%s", words)
+            self._told_faults[port] = words
+            self._faults.append((level, words))
 
     def _tell_faults(self) -> None:
         """Lines of an active part reach the robot's log, and its journal."""
         if self._membership is not None and self.joining.state is JoinState.ACTIVE:
-            for words in self._faults:
-                self._membership.say_log(LogLevel.ERROR, printable(words))
+            for level, words in self._faults:
+                self._membership.say_log(level, printable(words))
             self._faults.clear()
 
     def _noticed(self, notice: Notice) -> None:

@@ -391,7 +391,9 @@ class Inventory:
         """
         record = self._index.holders.get(slot)
         if record is not None and record.is_registered:
+            before = record.configuration
             self._changes.configure(record, self._store.configuration(slot))
+            self.log.forget_ports(record, before)
             self._changes.publish()
 
     def rearrange(self, moves: Mapping[int, str | None], now: float, reason: str) -> None:

@@ -10,7 +10,7 @@ from typing import Final
 
 from msbot.part.join.part_log import LineRate, LogLevel, VersionOf
 from msbot.pnp.inventory_record import InventoryRecord
-from msbot.pnp.model import ProgramLogLine
+from msbot.pnp.model import Configuration, ProgramLogLine
 from msbot.pnp.state_changes import StateChanges
 from msbot_agent.text.sentence import said
 from msbot_xrce.counting import Tally
@@ -56,6 +56,13 @@ class PartLog:
         record.log_noted_at = now
         self._changes.note(record, now, said("its program says: {words}", words=words), ((EVIDENCE, level.word),))
         return True
+
+    def forget_ports(self, record: InventoryRecord, before: Configuration | None) -> None:
+        """Another configuration has come: what the program said of a port counts no more if the port's wire changed."""
+        then, now = ({one.port: one for one in (of.bindings if of else ())} for of in (before, record.configuration))
+        changed = tuple(f"port {port!r}: " for port in {*then, *now} if then.get(port) != now.get(port))
+        for line in [line for line in record.log if line.words.startswith(changed)]:
+            record.log.remove(line)
 
     def _take_version(self, record: InventoryRecord, of: VersionOf, text: str, now: float) -> bool:
         """The journal has it when it is another one than before: somebody has given the part new software."""

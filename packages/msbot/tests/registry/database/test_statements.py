@@ -64,6 +64,16 @@ def test_a_line_of_the_journal_is_the_whole_event(registry: Registry, store: Rob
     assert entry.event.at == entry.at_ns / 1e9
 
 
+def test_a_note_is_no_reason_of_the_state_of_a_part(registry: Registry, store: RobotStore) -> None:
+    store.journal(changed(PartState.ACTIVE, reason="both steps done"))
+    registry.storage.flush()
+    (before,) = registry.robots.parts()
+    store.journal(changed(PartState.ACTIVE, before=PartState.ACTIVE, reason="its program says: the fan is stuck"))
+    registry.storage.flush()
+    (part,) = registry.robots.parts()
+    assert (part.state, part.reason, part.changed_ns) == ("active", "both steps done", before.changed_ns)
+
+
 @pytest.mark.parametrize("name", ["ABCD-local", "abcd-LOCAL", "aa", "ABCD", "0011223344556677", "Ägir"])
 def test_a_part_is_found_by_any_of_its_names(registry: Registry, store: RobotStore, name: str) -> None:
     store.journal(changed(PartState.ACTIVE, number="EFGH", local_name="other", slot="BB", uid=b"12345678"))

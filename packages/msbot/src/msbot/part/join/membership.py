@@ -33,7 +33,7 @@ from msbot.part.join.joining import (
 from msbot.part.join.part_keys import KEY_VARIABLE
 from msbot.part.join.part_log import LogLevel, LogSender, VersionOf
 from msbot.part.join.part_seals import PartSeals
-from msbot.part.join.refusal import Refusal
+from msbot.part.join.refusal import IS_TOLD, Refusal
 from msbot_xrce.errors import LinkFull, LocalProtocolError, RemoteProtocolError
 from msbot_xrce.messages import STREAM_BEST_EFFORT, STREAM_RELIABLE, DeliveryControl
 
@@ -324,10 +324,7 @@ class Membership:
     def _describe(self) -> None:
         """The robot asks what the part is; it has not been let in, and may be asked again."""
         if self._description and self.joining.state in (JoinState.CLAIMING, JoinState.REFUSED):
-            _log.info(
-                "the robot does not know this part number, and is told what the part is: it waits until somebody "
-                "adopts it, on the page Arrivals or with `msbot adopt`"
-            )
+            _log.info("%s", IS_TOLD)
             self._send(pnp_messages.DescriptionMessage(text=self._description).encode(), STREAM_RELIABLE)
 
     def say_type(self, binding: int, octets: bytes) -> None:

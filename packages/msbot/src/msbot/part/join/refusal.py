@@ -26,6 +26,13 @@ class Refusal(IntEnum):
         return _REFUSALS[self]
 
 
+DESCRIBE_IT = 'with Part(..., describes="what it is") somebody can adopt it'
+"""What a part that the robot does not know says to its programmer, if it does not describe itself."""
+IS_TOLD = (
+    "the robot does not know this part number, and is told what the part is: it waits until somebody adopts it, on the "
+    "page Arrivals or with `msbot adopt`"
+)
+"""What it says otherwise."""
 STANDBY = "standby"
 """What the master calls a part that was refused because no slot is free: it waits, and takes over when one is."""
 
@@ -35,8 +42,10 @@ def displayed_state(state: str, reason: str) -> str:
     return STANDBY if state == "refused" and reason == Refusal.NO_SLOT.describe else state
 
 
-def refusal_hint(reason: str, part: str) -> str:
+def refusal_hint(reason: str, part: str, *, describes: bool = False) -> str:
     """What a person at the part can do about a refusal, to be written behind the reason; empty: nothing at the part."""
+    if reason == Refusal.UNKNOWN_PART.describe and not describes:
+        return f"; {DESCRIBE_IT}"
     if reason == Refusal.DUPLICATE.describe:
         return "; if this program runs already on this computer, end that one, or give this one a UID: --uid HEX"
     return f"; `msbot why {part}` says which" if reason == Refusal.NO_SLOT.describe else ""

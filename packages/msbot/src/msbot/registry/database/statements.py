@@ -131,14 +131,15 @@ def note_state(connection: Connection, robot_id: int, event: PartEvent, now_ns: 
         "part_number": event.part_number,
         "local_name": event.local_name,
         "state": event.to_state.value,
-        "reason": event.reason,
         "address": event.address,
-        "changed_ns": now_ns,
     }
+    first: dict[str, object] = {"first_seen_ns": now_ns}
+    why = {"reason": event.reason, "changed_ns": now_ns}
+    (first if event.from_state is event.to_state else values).update(why)  # a note is no reason of the state
     if event.slot is not None:
         values["slot_id"] = _slot_id(connection, robot_id, event.slot)
     key = {"robot_id": robot_id, "identity": uid or f"{event.part_number}/{event.local_name}"}
-    upsert(connection, parts, key, values, first_seen_ns=now_ns)
+    upsert(connection, parts, key, values, **first)
 
 
 def end_run(connection: Connection, robot_id: int, reason: str, now_ns: int) -> None:
