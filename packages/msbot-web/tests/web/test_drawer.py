@@ -14,6 +14,7 @@ from msbot_web.language import languages
 from msbot_web.pages import slot_drawer
 from msbot_web.pages.page import Page
 from msbot_web.pages.simulator import simulator_panel
+from tests.operations.stage import AA_IS_A_DIAL
 from tests.web.rig import Rig, ToyBench, show
 
 
@@ -51,6 +52,39 @@ def test_a_button_is_the_same_one_as_long_as_it_would_do_the_same(
         assert [*words_of(row)] == ["Identify", "Release slot", "Block part", "Forget part", "Simulate this slot"]
 
     show(tmp_path, scene, bench=ToyBench())
+
+
+def drawn_service(rig: Rig, role: Role) -> tuple[slot_drawer._ServiceControl, Page]:
+    """The control of the service at slot AA, as somebody of that role has it."""
+    declared = rig.views.library.require("DIAL").port("echo")
+    assert declared is not None
+    assert declared.message is not None
+    with Client(nicegui_page("/")), ui.element("div"):
+        page = Page(rig.service, rig.session(role), languages()["en"])
+        return slot_drawer._ServiceControl(page, "AA", declared, declared.message), page
+
+
+def test_a_service_that_nobody_calls_gets_its_wire_in_the_drawer(tmp_path: Path) -> None:
+    async def scene(rig: Rig) -> None:
+        await rig.look(2.0)
+        (student, _), (teacher, page) = drawn_service(rig, Role.STUDENT), drawn_service(rig, Role.TEACHER)
+        assert [*words_of(student._unwired)] == []
+        assert [*words_of(teacher._unwired)] == ["Make its wire"]
+        assert (teacher._unwired.visible, teacher._button.visible) == (True, False)
+        with teacher._unwired:
+            await teacher._wire()
+        await rig.look(1.0)
+        made = next(line for line in rig.views.topics() if "AA.echo" in line.publishers)
+        assert (made.topic, made.type_name, made.subscribers) == ("echo", "HelloWorld -> HelloWorld", [])
+        page.refresh()
+        assert (teacher._unwired.visible, teacher._button.visible) == (False, True)
+        called = await rig.act(rig.session(Role.STUDENT), "call", port="AA.echo", values=["index=0", "message=hi"])
+        assert called.words == "AA.echo: index 0, message hi"
+        with teacher._unwired:
+            await teacher._wire()
+        assert len([line for line in rig.views.topics() if "AA.echo" in line.publishers]) == 1
+
+    show(tmp_path, scene, AA_IS_A_DIAL, parts=("AA=DIAL",))
 
 
 def test_a_click_on_the_plug_is_done_before_a_refresh_could_take_it_back(tmp_path: Path) -> None:

@@ -30,7 +30,7 @@ async def connect_ports(page: Page, start: str, end: str) -> None:
         start: the port that publishes, as `SLOT.port`.
         end: the port that is to hear it.
     """
-    source, target = _port(page, start), _port(page, end)
+    source, target = wire_port(page, start), wire_port(page, end)
     if source is None or target is None:
         return  # another blueprint holds by now
     if not source.topic:
@@ -43,7 +43,7 @@ async def connect_ports(page: Page, start: str, end: str) -> None:
 
 def say_misfit(page: Page, one: str, other: str) -> None:
     """Say why two ports, as `SLOT.port`, cannot be joined."""
-    first, second = _port(page, one), _port(page, other)
+    first, second = wire_port(page, one), wire_port(page, other)
     if first is None or second is None:
         return  # another blueprint holds by now
     is_service = service_type(first.type_name) is not None
@@ -83,7 +83,8 @@ def free_name(wanted: str, taken: Container[str]) -> str:
     return name
 
 
-def _port(page: Page, end: str) -> WirePort | None:
+def wire_port(page: Page, end: str) -> WirePort | None:
+    """The port, written `SLOT.port`, with the topic that it is wired to now; None: there is none."""
     return next((port for port in page.service.views.ports() if f"{port.slot}.{port.port}" == end), None)
 
 
@@ -92,7 +93,7 @@ def _ask_for_topic(page: Page, start: str, end: str) -> None:
 
     async def make() -> None:
         topic = str(name.value or "").strip()
-        source, target = _port(page, start), _port(page, end)  # as they are now: others wire, too
+        source, target = wire_port(page, start), wire_port(page, end)  # as they are now: others wire, too
         if not topic:
             ui.notify(say("Give the topic a name."), type="negative")
         elif topic in {line.topic for line in views.topics()}:
@@ -102,7 +103,7 @@ def _ask_for_topic(page: Page, start: str, end: str) -> None:
 
     with ui.dialog() as dialog, ui.card().classes("w-full").style("max-width:min(28rem,95vw)"):
         heading(say("New topic"))
-        port = _port(page, start)
+        port = wire_port(page, start)
         is_service = port is not None and service_type(port.type_name) is not None
         told = (
             say("{source} serves it, {target} calls.", source=start, target=end)

@@ -24,6 +24,7 @@ from msbot_web.pages.page_elements import heading, set_html, show_dialog
 from msbot_web.pages.parameter_form import parameter_panel
 from msbot_web.pages.simulator import simulator_panel
 from msbot_web.pages.slider import Slider
+from msbot_web.pages.slot_dialogs import free_name, wire_port
 from msbot_web.svg.drawings import HELD_WORDS, done_fields, draw, fields_html, sparkline, state_chip
 from msbot_xrce.errors import MsbotError, NotThere
 
@@ -136,12 +137,32 @@ class _ServiceControl:
         self._values: dict[str, Scalar] = {name: kind.zero for name, kind in message.leaves.items()}
         with ui.element("div").style("margin-top:.6rem;width:100%"):
             ui.label(port.name).style("font-weight:600")
+            with ui.element("div").classes("row") as self._unwired:
+                ui.label(page.translate("Nobody can call it before it has a wire.")).classes("soft")
+                if page.may(Right.DESIGN):
+                    ui.button(page.translate("Make its wire"), icon="add_link", on_click=self._wire).props("outline")
             with ui.element("div").style("padding-left:1rem;width:100%"):
                 _fields(page, message, self._values, self._changed, port.ranges)
                 self._button = ui.button(
                     page.translate("Call {port}", port=port.name), icon="send", on_click=self._call
                 )
                 self._reply = ui.label("").props("role=status").style("margin-top:.4rem")
+        page.every_look(self._show, self._unwired)
+
+    def _show(self) -> None:
+        port = wire_port(self._page, self._where)
+        is_wired = port is not None and bool(port.topic)
+        self._unwired.set_visibility(not is_wired)
+        self._button.set_visibility(is_wired)
+
+    async def _wire(self) -> None:
+        """Make the wire on which people call, and to which ports that call can be joined later."""
+        port = wire_port(self._page, self._where)
+        if port is not None and not port.topic:  # else somebody else has made one, or taken the slot away
+            taken = {line.topic for line in self._page.service.views.topics()}
+            name = port.port if port.port not in taken else free_name(f"{port.slot}_{port.port}", taken)
+            wish: dict[str, Any] = {"from": self._where}
+            await self._page.act("bind", topic=name, type=port.type_name, to=[], **wish)
 
     async def _changed(self, name: str, value: Scalar) -> None:
         self._values[name] = value

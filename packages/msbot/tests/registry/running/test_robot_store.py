@@ -137,7 +137,7 @@ def test_a_restarted_part_takes_over_from_its_old_session(registry: Registry, st
     registry.storage.flush()
     assert [(part.state, part.reason) for part in registry.robots.parts()] == [("active", "restarted")]
     store.journal(changed(PartState.LOST, key=2, reason="silent"))
-    store.journal(changed(PartState.CHECKING, key=3, reason="again"))
+    store.journal(changed(PartState.CHECKING, before=PartState.NEW, key=3, reason="again"))
     registry.storage.flush()
     assert [(part.state, part.reason) for part in registry.robots.parts()] == [("checking", "again")]
 
