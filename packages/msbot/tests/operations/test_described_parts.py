@@ -197,6 +197,47 @@ def test_a_wired_port_that_a_spare_has_not_is_no_matter_of_agreement(tmp_path: P
     play(tmp_path, scene)
 
 
+def averager(*fields: str) -> Part:
+    """A part that serves with a message of its own, which has these fields."""
+    samples = type("Samples", (Message,), {"__annotations__": dict.fromkeys(fields, float32)})
+    part = Part("AVG-1", uid=b"average.", random=Random(7), describes="Averager")
+    part.serves("mean", samples, Light)(lambda request: Light(lux=request.first))
+    return part
+
+
+def test_who_changes_a_message_of_his_own_is_told_the_commands_that_take_it_and_they_do(tmp_path: Path) -> None:
+    async def scene(stage: Stage) -> None:
+        task = run(stage, first := averager("first"))
+        await asyncio.sleep(WAIT_S)
+        await stage.do.adopt("AVG-1", who="ann")
+        await stage.do.bind("mean", "Samples -> Light", "avg_1.mean", (), who="ann")
+        first.end()
+        await task
+        task = run(stage, part := averager("first", "second"))
+        await asyncio.sleep(WAIT_S)
+        assert part.state is JoinState.ACTIVE
+        call = stage.do.call("avg_1.mean", ["1"], who="ann")
+        assert (await stage.refusal(call)).endswith(": msbot why avg_1 says what to do")
+        words = (
+            "if the program is right: msbot slot remove avg_1, msbot library forget AVG-1, msbot adopt AVG-1; "
+            "then make the wires of the slot again"
+        )
+        assert stage.master.why("avg_1").count(words) == 1
+        await stage.do.remove_slot("avg_1", who="ann")
+        await stage.do.forget_type("AVG-1", who="ann")
+        await asyncio.sleep(WAIT_S)
+        await stage.do.adopt("AVG-1", who="ann")
+        await stage.do.bind("mean", "Samples -> Light", "avg_1.mean", (), who="ann")
+        await asyncio.sleep(WAIT_S)
+        done = await stage.do.call("avg_1.mean", ["3", "4"], who="ann")
+        assert done.answer["reply"] == {"lux": 3.0}
+        assert not [line for line in stage.master.why("avg_1") if "if the program is right" in line]
+        part.end()
+        await task
+
+    play(tmp_path, scene)
+
+
 def test_a_forgotten_type_can_be_described_anew(tmp_path: Path) -> None:
     async def scene(stage: Stage) -> None:
         for name, shown in (("first", "VANE-1 (first)"), ("VANE-1", "VANE-1")):

@@ -35,6 +35,10 @@ PART_SAYS = (
     "there is no port {port} to publish on; {bound}",
     "bound in this robot: {ports}",
     "this robot binds no port of the part",
+    "port {port}: nobody can call it before {command}; {bound}",
+    '{reason}; with Part(..., describes="what it is") somebody can adopt it',
+    "the robot does not know this part number, and is told what the part is: it waits until somebody adopts it, on the "
+    "page Arrivals or with `msbot adopt`",
     "port {port} carries {type}, not {other}",
     "the part is {state}, not active ({reason}): publish after on_join",
     "the part is {state}, not active ({reason}): call after on_join",

@@ -242,6 +242,7 @@ class Master:
             *of_boards,
             *(trouble for info in found for trouble in self.agent.troubles(info.client_key)),
             *(words for info in found for words in self.type_differences(info.client_key)),
+            *(words for info in found for words in self._adopt_anew(info)),
             *worn,
             *told,
         ]
@@ -258,6 +259,19 @@ class Master:
     def type_differences(self, client_key: int) -> list[Sentence]:
         """Where a part's program and the library mean different messages, one sentence for each port."""
         return [difference_sentence(one) for one in self.inventory.type_differences(client_key)]
+
+    def _adopt_anew(self, info: PartInfo) -> Sequence[str]:
+        """How the library takes the messages of a program that has changed since its part was adopted."""
+        part_type = None if self.library is None else self.library.find(info.part_number)
+        if part_type is None or not part_type.origin or not info.slot or not self.type_differences(info.client_key):
+            return ()
+        words = said(
+            "if the program is right: msbot slot remove {slot}, msbot library forget {number}, msbot adopt {number}; "
+            "then make the wires of the slot again",
+            slot=info.slot,
+            number=part_type.number,
+        )
+        return (words,)
 
     def all_type_differences(self) -> list[tuple[str, Sentence]]:
         """The same of all parts, with their names."""

@@ -119,8 +119,16 @@ class ServiceCalls:
             writer.close()
             reader.close()
         if isinstance(found, CallError):
-            raise found
+            raise self._explained(found, end)
         return found
+
+    def _explained(self, error: CallError, end: SlotPort) -> CallError:
+        """The error, with the way to its cause if program and library mean different messages."""
+        inventory = self._running.master.inventory
+        keys = [info.client_key for info in inventory.view(self._running.now()) if info.slot == end.slot]
+        if not any(one.port == end.port for key in keys for one in inventory.type_differences(key)):
+            return error
+        return CallError(said("{error}: msbot why {slot} says what to do", error=str(error), slot=end.slot))
 
     def _check_is_port(self, word: str) -> None:
         """Name the port that is meant by the name of a service.

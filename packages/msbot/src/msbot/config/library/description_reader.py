@@ -12,14 +12,13 @@ from collections.abc import Collection, Iterator
 from msbot.config.library.field_types import MessageType
 from msbot.config.library.message_types import standard_message_types
 from msbot.config.library.part_file_reader import add_message_types, open_library_file, read_part_type
-from msbot.config.library.part_library import Library
+from msbot.config.library.part_library import SAID_BY_PART, Library, carried_by
 from msbot.config.library.part_types import PartType
 from msbot_agent.toml.document import Document, parse_document
 from msbot_agent.toml.problems import KeyPath, Problems, quoted
 from msbot_agent.toml.table import toml_value
 from msbot_xrce.lazy import dataclass
 
-FILE = "what the part says"
 """Its name in messages."""
 MAY_SAY = ("number", "name", "category", "description")
 TABLES = ("port", "parameter", "type")
@@ -50,7 +49,7 @@ def read_description(text: str, number: str, library: Library) -> Described:
         ConfigError: it is wrong, contradicts itself or the library, or the library knows the number.
     """
     problems = Problems()
-    document = parse_document(text, FILE, problems)
+    document = parse_document(text, SAID_BY_PART, problems)
     problems.raise_if_any()
     assert document is not None
     _check_values(document, problems)
@@ -70,12 +69,8 @@ def read_description(text: str, number: str, library: Library) -> Described:
         root.report("a part needs at least one port: publishes(...), on(...), serves(...) or calls(...)", "port")
     problems.raise_if_any()
     assert part_type is not None
-    carried: set[str] = set()
-    for port in part_type.ports:
-        for message in (port.message, port.reply):
-            carried |= set() if message is None else message.described().keys()
     standard = {name for message in standard_message_types().values() for name in message.described()}
-    own = carried - standard
+    own = carried_by(part_type) - standard
     messages = tuple(message for _, message in file.messages if message.name in own)
     return Described(part_type, messages, _toml(document.values, own))
 

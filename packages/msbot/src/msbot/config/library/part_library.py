@@ -63,8 +63,16 @@ __all__ = [
 
 SHIPPED = "msbot library, "
 """Prefix of the source of a part type that comes with MsBOT."""
+SAID_BY_PART = "what the part says"
+"""Source of what a part says of itself."""
 MOST_FILES = 1000
 """A folder with more TOML files than this is not a part library."""
+
+
+def carried_by(part_type: PartType) -> set[str]:
+    """The names of the messages that its ports carry, and of those inside."""
+    ports = (message for port in part_type.ports for message in (port.message, port.reply))
+    return {name for message in ports if message is not None for name in message.described()}
 
 
 class Library:
@@ -129,8 +137,12 @@ class Library:
         return Library((*others, part_type), {**self.messages, **{message.name: message for message in messages}})
 
     def without_type(self, number: str) -> Library:
-        """A library without that part type; its message types stay."""
-        return Library((entry for entry in self if entry.number != number), self.messages)
+        """A library without that part type, and without the messages of its own that no other part type carries."""
+        gone, others = self.get(number), [entry for entry in self if entry.number != number]
+        sources = (gone.source, SAID_BY_PART) if gone is not None else ()
+        carried = {name for entry in others for name in carried_by(entry)}
+        messages = {name: one for name, one in self.messages.items() if name in carried or one.source not in sources}
+        return Library(others, messages)
 
     def become(self, other: Library) -> None:
         """Take over the content of another library, for all who use this one."""
