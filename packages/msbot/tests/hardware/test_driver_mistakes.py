@@ -33,6 +33,26 @@ class ReadsMore(Driver):
         return {"used": 42.0, "free": 58.0}
 
 
+class Divides(Driver):
+    """Has a mistake that shows in its third sample."""
+
+    samples = True
+    count = 0
+
+    def sample(self, values: Values) -> Values:
+        self.count += 1
+        return {"used": 1.0 / max(0, 3 - self.count)}
+
+
+class NeverReads(Driver):
+    """Has a mistake that shows in its first sample."""
+
+    samples = True
+
+    def sample(self, values: Values) -> Values:
+        return {"used": dict[str, float]()["none"]}
+
+
 class WithoutSample(Driver):
     """Says that it reads, and does not."""
 
@@ -179,6 +199,28 @@ def test_a_driver_that_needs_a_source_that_is_not_there_keeps_its_part_out_and_s
 
     assert play("DISK-1", machine_at(tmp_path), scene, joins=False).unit.fault == words
     assert seen
+
+
+@pytest.mark.parametrize(
+    ("name", "mistake"), [("Divides", "ZeroDivisionError: float division by zero"), ("NeverReads", "KeyError: 'none'")]
+)
+def test_an_exception_of_a_driver_is_said_in_the_robot_with_its_traceback_once_in_the_log(
+    name: str, mistake: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr(robot, "LIBRARY", library(tmp_path, f"{__name__}:{name}"))
+
+    async def scene(bench: Bench) -> None:
+        def why() -> str:
+            parts = [info.part for info in bench.master.inventory.view(0.0)]
+            return "".join(line for part in parts for line in bench.master.why(part, by_name=True))
+
+        await bench.until(lambda: "the driver failed in line" in why() and mistake in why())
+        assert bench.unit.part.state is not JoinState.ACTIVE
+
+    with caplog.at_level(logging.WARNING, "msbot.part"):
+        play("DISK-1", machine_at(tmp_path), scene, joins=name == "Divides")
+    assert sum(record.exc_info is not None for record in caplog.records) == 1
+    assert not [record for record in caplog.records if record.name == "asyncio"]
 
 
 def test_a_mistake_is_told_before_anything_is_opened(tmp_path: Path) -> None:

@@ -17,8 +17,10 @@ import asyncio
 import concurrent.futures
 import contextlib
 import logging
+import traceback
 from collections import deque
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from random import Random
 
 from msbot.config import PartType, Scalar
@@ -31,6 +33,7 @@ from msbot.part.join.pnp_messages import UID_OCTETS, Nature
 from msbot.sim import ModelPart
 from msbot_agent.link import Link
 from msbot_agent.text.similar_names import instead_of
+from msbot_xrce.errors import MsbotError
 
 # Tells the robot why a part is not there: hardware that does not answer when the program starts.
 #
@@ -184,6 +187,8 @@ class HardwarePart(ModelPart):
         self._given: object = None
         self._events: deque[Values] = deque(maxlen=MOST_EVENTS)
         self._said_fault = ""
+        self._said_mistake = ""
+        """The latest mistake of the driver's program whose traceback was logged."""
         self._said_unknown: set[str] = set()
         """Names of readings that the model does not have, and of which the robot was told."""
         self._absence = Absence()
@@ -243,6 +248,11 @@ class HardwarePart(ModelPart):
         except HardwareFault as fault:
             self._note(str(fault))
             await self._close()
+        except MsbotError:
+            raise
+        except Exception as error:
+            self._note(str(self._in_words(error)))
+            await self._close()
         else:
             if self.fault:
                 _log.warning("%s: its hardware answers again", self.part.local_name)
@@ -284,6 +294,19 @@ class HardwarePart(ModelPart):
         if fault != self._said_fault:
             self._said_fault = fault
             _log.warning("%s: %s", self.part.local_name, fault)
+
+    def _in_words(self, error: BaseException) -> HardwareFault:
+        """A mistake in a driver's program as a fault; where it is new, the log has its traceback."""
+        if isinstance(error, HardwareFault):
+            return error
+        place = traceback.extract_tb(error.__traceback__)[-1]
+        words = (
+            f"the driver failed in line {place.lineno} of {Path(place.filename).name}: {type(error).__name__}: {error}"
+        )
+        if words != self._said_mistake:
+            self._said_mistake = words
+            _log.error("%s: %s", self.part.local_name, words, exc_info=error)
+        return HardwareFault(words)
 
     def _tell_absence(self, connect: Callable[[], Link]) -> None:
         """Have the robot told why this part is not there, unless it knows."""
@@ -346,11 +369,9 @@ class HardwarePart(ModelPart):
         if future.cancelled():
             return
         error = future.exception()
-        if isinstance(error, HardwareFault):
-            self._failed(error)
-            return
         if error is not None:
-            raise error
+            self._failed(self._in_words(error))
+            return
         self._failed_in_a_row = 0
         measured = future.result()
         if measured is not None and self.part.state is JoinState.ACTIVE:
@@ -424,8 +445,8 @@ class HardwarePart(ModelPart):
             return
         try:
             wanted = self._driver.outputs_for(self._snapshot())
-        except HardwareFault as fault:
-            self._failed(fault)
+        except Exception as error:
+            self._failed(self._in_words(error))
             return
         if wanted == self._given:
             return
@@ -451,11 +472,9 @@ class HardwarePart(ModelPart):
         if future.cancelled():
             return
         error = future.exception()
-        if isinstance(error, HardwareFault):
+        if error is not None:
             self._given = None
-            self._failed(error)
-        elif error is not None:
-            raise error
+            self._failed(self._in_words(error))
         elif self._open:
             self._move()
 
