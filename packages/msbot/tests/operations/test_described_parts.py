@@ -8,10 +8,13 @@ from pathlib import Path
 from random import Random
 from unittest import mock
 
+import pytest
+
 from msbot import Angle, Level, Light, Message, Part, Speed, float32
 from msbot.config import load_library
 from msbot.part.join.joining import JoinState
 from msbot.part.join.pnp_messages import DescriptionMessage
+from msbot.part.join.refusal import DESCRIBE_IT, IS_TOLD, Refusal
 from msbot.pnp import PartState
 from msbot_xrce.messages import STREAM_RELIABLE
 from tests.operations.stage import Stage, play
@@ -56,6 +59,27 @@ def vane(number: str = "VANE-1", **more: str) -> tuple[Part, list[float]]:
 def run(stage: Stage, part: Part) -> asyncio.Task[None]:
     assert stage.tasks is not None
     return stage.tasks.create_task(part.run_async(stage.connect(), epoch_ns=lambda: 0))
+
+
+def test_a_part_that_the_robot_does_not_know_says_whether_it_can_be_adopted(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level("INFO", "msbot.part")
+
+    async def scene(stage: Stage) -> None:
+        mute = Part("MUTE-1", uid=b"mute....", random=Random(8))
+        mute.publishes("light", Light)
+        tasks = [run(stage, part) for part in (vane()[0], mute)]
+        await asyncio.sleep(WAIT_S)
+        said = [one.getMessage() for one in caplog.records]
+        unknown = Refusal.UNKNOWN_PART.describe
+        assert said.count(IS_TOLD) == 1
+        assert f"VANE-1 is refused: {unknown}" in said
+        assert f"MUTE-1 is refused: {unknown}; {DESCRIBE_IT}" in said
+        for task in tasks:
+            task.cancel()
+
+    play(tmp_path, scene)
 
 
 def test_one_operation_makes_type_slot_and_offers_and_lets_the_part_in(tmp_path: Path) -> None:

@@ -253,6 +253,7 @@ class ProgramRunner:
             raise LocalProtocolError(f"part {self._local_name} runs already")
         self._loop_thread = threading.get_ident()
         self._local_name = self.guard.part = identity.local_name
+        self._describes = bool(identity.description)
         self.joining = Joining(identity.robot, PATIENT if link.info.shared_bus else QUICK)
         self._mistake = None
         self.trouble_heard = False
