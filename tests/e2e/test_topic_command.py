@@ -28,7 +28,7 @@ def test_topics_of_a_running_robot(tmp_path: Path) -> None:
             0,
             f"{TOPIC} [HelloWorld]\nHelloWorldTopic_2_to_3 [HelloWorld]\nHelloWorldTopic_3_to_1 [HelloWorld]\n",
         )
-        assert "AA.out  (no part in the slot)" in topic("info", "-v", TOPIC)[1]
+        assert "AA.out  (slot AA is empty)" in topic("info", "-v", TOPIC)[1]
         status, _, words = topic("echo", "HelloWorldTopic_1_to_9")
         assert status == 2
         assert TOPIC in words.partition("did you mean")[2]

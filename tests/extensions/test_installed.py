@@ -117,21 +117,21 @@ def test_a_driver_that_is_not_there_is_named(tmp_path: Path) -> None:
 
 
 def test_a_fault_that_was_installed_after_the_master_began(env: dict[str, str], tmp_path: Path) -> None:
-    with running("demo", "--port", "0", "--robot", "rover", cwd=tmp_path) as process:
+    with running("demo", "--port", "0", "--robot", "rover", "--db", "demo.db", cwd=tmp_path) as process:
         process.wait_for("http://")
-        done = run("fault", "add", "hiccup", "fan", "--robot", "ROVER", env=env, cwd=tmp_path)
+        done = run("fault", "add", "hiccup", "fan", "--db", "demo.db", env=env, cwd=tmp_path)
         assert done.returncode == 2
         assert "the running master does not know the fault 'hiccup', which an extension here adds: restart" in " ".join(
             done.stderr.split()
         )
-        done = run("fault", "add", "hicup", "fan", "--robot", "ROVER", env=env, cwd=tmp_path)
+        done = run("fault", "add", "hicup", "fan", "--db", "demo.db", env=env, cwd=tmp_path)
         assert "there is no fault 'hicup'" in done.stderr
         assert "restart" not in done.stderr
 
 
 @pytest.fixture
 def robot(env: dict[str, str], tmp_path: Path) -> Iterator[Process]:
-    with running("demo", "--port", "0", "--robot", "rover", cwd=tmp_path, env=env) as process:
+    with running("demo", "--port", "0", "--robot", "rover", "--db", "demo.db", cwd=tmp_path, env=env) as process:
         yield process
 
 
@@ -149,7 +149,7 @@ def test_its_page_call_fault_and_world_work_at_a_running_robot(
         page = visitor.get("/x/hello").text
         assert "Hello, ROVER: " in page
         assert "/x/hello" in visitor.get("/").text, "in the menu"
-        assert "hiccup" in told("fault", "add", "hiccup", "fan", "--robot", "ROVER", env=env, cwd=tmp_path)
+        assert "hiccup" in told("fault", "add", "hiccup", "fan", "--db", "demo.db", env=env, cwd=tmp_path)
         assert "Two lamps" in visitor.get("/gallery").text
         wish = {"robot": "buggy", "world": "two-lamps", "agreed": True}
         me = visitor.get("/api/me").json()

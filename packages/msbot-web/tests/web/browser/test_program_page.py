@@ -322,7 +322,7 @@ def test_an_editor_looks_like_its_page(lesson: Site) -> None:
     page = open_as_ada(lesson, "/program")
     for path, light, dark in (
         ("/program", "rgb(255, 255, 255)", "rgb(13, 17, 23)"),
-        ("/settings", "rgb(255, 255, 255)", "rgb(46, 50, 53)"),
+        ("/settings", "rgb(255, 255, 255)", "rgb(13, 17, 23)"),
     ):
         go(page, f"{lesson.base}{path}")
         if path == "/settings":
