@@ -224,12 +224,14 @@ class Master:
         stop: list[str] = []
         if self.stop.stopped and any(one.slot for one in self.inventory.find(part, self._clock(), by_name=by_name)):
             stop = [said("STOP is in force: no message reaches its functions until GO")]
-        return [*lines, *stop, *self.troubles(part, by_name=by_name), *self._program_lines(part, by_name=by_name)]
+        return [*lines, *stop, *self.troubles(part, by_name=by_name), *self.program_lines(part, by_name=by_name)]
 
-    def _program_lines(self, part: str, *, by_name: bool) -> list[Sentence]:
+    def program_lines(self, part: str, *levels: LogLevel, by_name: bool = False) -> list[Sentence]:
+        """What its program logged last of these levels; none given: of all but information."""
         found = self.inventory.find(part, self._clock(), by_name=by_name)
         logged = [line for info in found if info.slot for line in self.inventory.lines_of(info.slot)]
-        lines = [line for line in logged if line.level is not LogLevel.INFO][-LOG_LINES:]
+        wanted = levels or (LogLevel.WARNING, LogLevel.ERROR)
+        lines = [line for line in logged if line.level in wanted][-LOG_LINES:]
         return [said("its program says: {words}", words=line.words) for line in lines]
 
     def troubles(self, part: str, *, by_name: bool = False) -> list[str]:

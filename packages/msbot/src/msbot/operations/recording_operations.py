@@ -12,6 +12,7 @@ from typing import Protocol
 from msbot.operations.operation import Outcome
 from msbot.operations.part_names import describe
 from msbot.operations.running_robot import RunningRobot
+from msbot.part.join.part_log import LogLevel
 from msbot.pnp import PartInfo
 from msbot_agent.text.sentence import Sentence, joined, said
 from msbot_xrce.errors import ConfigError, RegistryError
@@ -145,7 +146,9 @@ class PartQueries:
         """The state of a part and the rules that led to it, in sentences; none when no part is known by that word."""
         is_known = self._running.inventory.find(part, self._running.now())
         master = self._running.master
-        return Outcome(answer={"lines": master.why(part) if is_known else [], "troubles": master.troubles(part)})
+        # The journal has the errors that its program logged.
+        troubles = [*master.troubles(part), *master.program_lines(part, LogLevel.WARNING)]
+        return Outcome(answer={"lines": master.why(part) if is_known else [], "troubles": troubles})
 
     def ignore(self, part: str, who: str) -> Outcome:
         """Hide a part that is not let in from the list of arrivals, until the master ends."""
