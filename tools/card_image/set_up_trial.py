@@ -52,7 +52,7 @@ psk="{WIFI_PASSWORD}"
 """
 ITS_NETWORK = "[Match]\nName=wlan1\n[Network]\nAddress=192.168.77.1/24\nDHCPServer=yes\n"
 ADAPTERS = (
-    "-device", "qemu-xhci", "-chardev", "null,id=board", "-device", "usb-serial,chardev=board",
+    "-device", "qemu-xhci", "-device", "usb-serial,chardev=board",
     "-object", "can-bus,id=bus", "-device", "kvaser_pci,canbus=bus", "-device", "kvaser_pci,canbus=bus",
 )  # fmt: skip
 
@@ -74,7 +74,10 @@ class SetUpTrial:
         run("mcopy", "-o", "-i", f"{card}@@{self._boot.start}", folder / "msbot-setup.toml", "::msbot-setup.toml")
         self._neighbour = Neighbour()
         words, asked = line(folder / "shell.socket")
-        hardware = [*words, *self._neighbour.cable(), *ADAPTERS]
+        self._board = folder / "board"
+        """What the board at the USB serial adapter gets."""
+        board = ["-chardev", f"file,id=board,path={self._board}"]
+        hardware = [*words, *self._neighbour.cable(), *board, *ADAPTERS]
         self.machine = Machine(card, folder, seed, hardware, asked)
         self.robot, self._shell = Robot(self.machine), Shell(folder / "shell.socket")
         self._rows: list[str] = []
@@ -157,12 +160,17 @@ class SetUpTrial:
         """The adapter is there since the start: its rules were applied by a real event."""
         place = self._shell.wait_for("ls /dev/ttyUSB0")
         self._is(f"stat -c '%a %G' {place}", "660 dialout")
-        told = self._shell.run(f"udevadm info --query=property {place}").splitlines()
-        tags = self._shell.run(f"udevadm info --query=all {place} | grep '^[GQ]:'").split()
-        if "ID_MM_DEVICE_IGNORE=1" not in told or "uaccess" not in tags:
-            raise ImageError(f"{place}: {told} {tags}")
-        vendor = next(one.partition("=")[2] for one in told if one.startswith("ID_VENDOR_ID="))
-        self._saw(f"a USB serial adapter ({vendor})", "group dialout, 660, tag uaccess, left alone by ModemManager")
+        lines = self._shell.run(f"udevadm info --query=property {place}").splitlines()
+        told = dict(one.partition("=")[::2] for one in lines)
+        if told.get("ID_MM_DEVICE_IGNORE") != "1" or "uaccess" not in told.get("TAGS", "").split(":"):
+            raise ImageError(f"{place}: {told}")
+        self._shell.run(f"runuser -u msbot -- sh -c 'stty -F {place} raw 115200 && printf hello > {place}'")
+        wait_for(self.machine, lambda: self._board.read_bytes() == b"hello", "what the robot's user writes", 60)
+        vendor = f"{told.get('ID_VENDOR_ID')}:{told.get('ID_MODEL_ID')}"
+        self._saw(
+            f"a USB serial adapter ({vendor})",
+            "group dialout, 660, tag uaccess, left alone by ModemManager; the robot's user writes to it",
+        )
 
     def _can(self) -> None:
         for name in ("can0", "can1"):
@@ -201,8 +209,8 @@ class SetUpTrial:
         address = self._shell.wait_for(
             "ip -4 -oneline address show dev wlan0 scope global | grep -o '192.168.77.[0-9]*/24'"
         )
-        self._is("grep -c 'AP-STA-CONNECTED' /run/point.log", "1")
-        self._shell.run("journalctl -u wpa_supplicant@wlan0 | grep -q 'key negotiation completed'")
+        self._shell.run("grep -q AP-STA-CONNECTED /run/point.log")
+        self._shell.wait_for("journalctl --unit wpa_supplicant@wlan0 | grep -qi 'key negotiation completed'", 60)
         country = self._shell.ask("grep ^country= /etc/wpa_supplicant/wpa_supplicant-wlan0.conf")[1]
         self._saw(
             "Wi-Fi of the file, at an access point of the kernel's simulated radio",

@@ -34,7 +34,8 @@ from tools.card_image.machine import MEMORY_MB, Machine
 from tools.card_image.moments import try_moments
 from tools.card_image.robot import STAGES, Robot, Stages, say, wait_for
 from tools.card_image.set_up_trial import SetUpTrial
-from tools.card_image.updates_trial import try_updates
+from tools.card_image.shell import Shell, line
+from tools.card_image.updates_trial import LONGER, UpdatesTrial
 
 CARD_SIZE = 4 << 30
 """Of the card that is tried."""
@@ -216,14 +217,29 @@ def set_up(folder: Path, asked: argparse.Namespace) -> list[str]:
 
 def updates(folder: Path, asked: argparse.Namespace) -> list[str]:
     """Updates by the page; returns the text of the result."""
-    machine = Machine(copied(asked.image, folder), folder, asked.seed)
+    place = folder / "shell.socket"
+    words, told = line(place)
+    machine, shell = Machine(copied(asked.image, folder), folder, asked.seed, words, f"{told} {LONGER}"), Shell(place)
     try:
         robot = Robot(machine)
         lines = started(robot)
-        rows = try_updates(robot, asked.package, folder)
+        rows = UpdatesTrial(robot, shell, asked.package, folder, asked.minutes * 60).run()
     finally:
+        shell.close()
         machine.close()
-    return [*lines, "", "| update | came of it | runs then |", "|---|---|---|", *rows]
+    check_file_systems(folder / "card.img", folder)
+    return [
+        *lines,
+        "",
+        "The packages are the one of the image with other numbers, and one of them with a master that ends at once. A "
+        "cut in a start comes before the first flush since the card's settings are applied.",
+        "",
+        "| update | came of it | runs then | s |",
+        "|---|---|---|---|",
+        *rows,
+        "",
+        "Afterwards the file systems are whole.",
+    ]
 
 
 PROGRAMS = {

@@ -31,11 +31,12 @@ from msbot_agent.log import write_by_root_alone
 from msbot_agent.pace import ConnectionPace, ProtocolServer
 from msbot_agent.text.sentence import said
 from msbot_agent.text.untrusted_input import LARGEST_PEM, read_input_file
-from msbot_web.access.access_middleware import ANY_ADDRESS, STOP_PATH, AccessMiddleware, cookie_names
+from msbot_web.access.access_middleware import ANY_ADDRESS, HEALTH_PATH, STOP_PATH, AccessMiddleware, cookie_names
 from msbot_web.access.content_policy import PASSING, refusal_page, sentence, wants_page
 from msbot_web.access.reverse_proxies import ProxyHeadersMiddleware, TrustedProxies
 from msbot_web.access.sign_in_pages import make_forms
 from msbot_web.api.exception_handlers import add_exception_handlers
+from msbot_web.api.health_route import make_health_api
 from msbot_web.api.lazy_routes import LazyRoutes
 from msbot_web.api.stop_route import make_stop_api
 from msbot_web.api_rate_limit import ApiRateLimit
@@ -251,8 +252,10 @@ class WebServer:
             )
         )
         app.include_router(make_stop_api(service))
+        app.include_router(make_health_api())
         app.include_router(make_installed(service.robot_name))
-        app.add_middleware(LazyRoutes, of=app, paths=LATE_PATHS, make=partial(_lazy_routes, service), but=STOP_PATH)
+        at_once = (STOP_PATH, HEALTH_PATH)
+        app.add_middleware(LazyRoutes, of=app, paths=LATE_PATHS, make=partial(_lazy_routes, service), but=at_once)
         add_browser_files(app)
         app.router.routes.append(PartWebSocket(self.parts, service.accounts).route())
         app.router.routes.append(service.live.route())

@@ -59,8 +59,10 @@ MAX_BODY = 1024 * 1024
 MAX_RESTORE = MOST_OF_PAGE
 LONGEST_NUMBER = 18
 """Digits of a length in a header."""
+HEALTH_PATH = "/api/health"
+"""Whether the server runs; services and containers ask."""
 OPEN_PATHS = (
-    "/login", "/setup", "/enter", "/join", "/pass", "/come", "/api/health", "/openapi.json", "/favicon.ico", "/web/",
+    "/login", "/setup", "/enter", "/join", "/pass", "/come", HEALTH_PATH, "/openapi.json", "/favicon.ico", "/web/",
     MANIFEST_PATH, WORKER_PATH, SHELL_PATH,
     f"/_nicegui/{nicegui_version}/",
 )  # fmt: skip

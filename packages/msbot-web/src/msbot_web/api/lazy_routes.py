@@ -24,11 +24,16 @@ class LazyRoutes:
         of: where the routes are put, before all others.
         paths: how the paths of these routes begin.
         make: makes them, in a thread.
-        but: the one path that begins like these and waits for nothing: its route is there already.
+        but: the paths that begin like these and wait for nothing: their routes are there already.
     """
 
     def __init__(
-        self, app: ASGIApp, of: FastAPI, paths: tuple[str, ...], make: Callable[[], Iterable[BaseRoute]], but: str = ""
+        self,
+        app: ASGIApp,
+        of: FastAPI,
+        paths: tuple[str, ...],
+        make: Callable[[], Iterable[BaseRoute]],
+        but: tuple[str, ...] = (),
     ) -> None:
         self._app = app
         self._of = of
@@ -40,7 +45,7 @@ class LazyRoutes:
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Let a request through, once there is what it asks for."""
         if scope["type"] == "http":
-            if scope["path"].startswith(self._paths) and scope["path"] != self._but:
+            if scope["path"].startswith(self._paths) and scope["path"] not in self._but:
                 await asyncio.shield(self._made())
             elif self._making is None and scope["path"] == FIRST_PAGE:
                 send = self._and_then_make(send)

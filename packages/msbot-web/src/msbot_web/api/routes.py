@@ -32,7 +32,7 @@ from msbot_web.api.operation_routes import PREFIX, add_operations
 from msbot_web.api.program_routes import add_programs
 from msbot_web.models.bus_models import BusFigures, FrameLine
 from msbot_web.models.class_models import ExaminationState, MissionMarks, MissionState, RobotStatus, RobotTile
-from msbot_web.models.common_models import PROBLEMS, Health
+from msbot_web.models.common_models import PROBLEMS
 from msbot_web.models.robot_models import (
     BlueprintDiff,
     BlueprintText,
@@ -69,11 +69,6 @@ def make_api(service: Service) -> APIRouter:
 
 def _add_reads(router: APIRouter, service: Service) -> None:
     views = service.views
-
-    @router.get("/health", responses={})
-    async def health() -> Health:
-        """Whether the server runs; needs no session."""
-        return Health()
 
     @router.get("/me")
     async def me(session: SignedIn) -> Me:

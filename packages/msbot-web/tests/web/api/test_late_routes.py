@@ -11,7 +11,8 @@ from starlette.requests import Request
 from starlette.responses import PlainTextResponse, Response
 from starlette.routing import BaseRoute, Route
 
-from msbot_web.access.access_middleware import STOP_PATH
+from msbot_web.access.access_middleware import HEALTH_PATH, STOP_PATH
+from msbot_web.api.health_route import make_health_api
 from msbot_web.api.lazy_routes import LazyRoutes
 from msbot_web.api.stop_route import make_stop_api
 from msbot_web.service import Service
@@ -31,9 +32,11 @@ class _App:
         self.may_go_on = Event()
         self.may_go_on.set()
         self.app = FastAPI()
+        self.app.include_router(make_health_api())
         self.app.router.routes.append(Route("/{rest:path}", _page))
         self.app.router.routes.insert(0, Route(STOP_PATH, _answer, methods=["POST"]))
-        self.app.add_middleware(LazyRoutes, of=self.app, paths=("/api", "/metrics"), make=self._make, but=STOP_PATH)
+        at_once = (STOP_PATH, HEALTH_PATH)
+        self.app.add_middleware(LazyRoutes, of=self.app, paths=("/api", "/metrics"), make=self._make, but=at_once)
 
     def _make(self) -> list[BaseRoute]:
         self.may_go_on.wait()
@@ -74,12 +77,13 @@ def test_they_are_made_when_the_first_page_has_been_sent() -> None:
     _run(steps)
 
 
-def test_stop_waits_for_nothing() -> None:
+def test_stop_and_the_health_check_wait_for_nothing() -> None:
     async def steps(app: _App, client: httpx.AsyncClient) -> None:
         app.may_go_on.clear()
         waiting = asyncio.create_task(client.get("/api/robot"))
         assert (await client.get("/")).text == "page"
         assert (await client.post("/api/stop")).text == "late /api/stop"
+        assert (await client.get("/api/health")).json() == {"status": "ok"}
         assert app.made == []
         app.may_go_on.set()
         assert (await waiting).text == "late /api/robot"

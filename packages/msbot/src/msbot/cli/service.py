@@ -309,7 +309,7 @@ WantedBy=timers.target
         groups = f"SupplementaryGroups={' '.join(self.groups)}\n" if self.groups else ""
         # The second folder is that of STOP's socket (`msbot.stop.socket_folders`): /tmp is one of its own.
         return (
-            f"User={self.user}\n{groups}StateDirectory={self.unit}\n"
+            f"User={self.user}\n{groups}StateDirectory={self.unit}\nStateDirectoryMode=0700\n"
             f"RuntimeDirectory={self.unit} {STOP_FOLDERS}{self.user}\nRuntimeDirectoryMode=0700\n"
             f"RuntimeDirectoryPreserve=yes\nEnvironment=HOME={self.state} XDG_RUNTIME_DIR=/run/{self.unit}\n"
             f"{paths}{CONFINED}"

@@ -16,7 +16,7 @@ from msbot_card import config_txt, growth, system_files
 from msbot_card.files import keep, read, remove, wipe
 from msbot_card.settings import LARGEST, Administrator, Settings, SettingsError, changed, dump, load, parse
 from msbot_card.updates import LARGEST as LARGEST_PACKAGE
-from msbot_card.updates import Store, UpdateError
+from msbot_card.updates import PACKAGE, Store, UpdateError
 
 SETUP, TROUBLE = "msbot-setup.toml", "msbot-setup-mistakes.txt"
 LARGEST_CONFIG = 100_000
@@ -39,7 +39,7 @@ class System:
         self.package = root / "var/lib/msbot/update.deb"
         """Where the page puts an update."""
         python = f"python{sys.version_info.major}.{sys.version_info.minor}"
-        self.store = Store(root / "data/card", root / "var/lib/msbot/robot.db", python)
+        self.store = Store(root / "data/card", root / "data/msbot/robot.db", python)
 
     # What is set
 
@@ -125,6 +125,7 @@ class System:
     def _version(self) -> None:
         """Have the version that is in force where MsBOT is."""
         try:
+            self.package.unlink(missing_ok=True)  # the power went while it came in
             now = self.store.begin()
         except (OSError, UpdateError) as error:
             say(f"the version cannot be put in force: {error}")
@@ -133,6 +134,16 @@ class System:
             place = str(self.store.place(now.current))
             self._run("mount", "--bind", place, "/usr/lib/msbot")
             self._run("mount", "-o", "remount,bind,ro,nosuid,nodev", "/usr/lib/msbot")
+
+    @property
+    def has_update_in_force(self) -> bool:
+        """Whether an update is where MsBOT is, and not the version of the image."""
+        return (self._root / "usr/lib/msbot").is_mount()
+
+    def ends_of_master(self) -> int:
+        """How often the master has ended and was started again since this start."""
+        told = self._run("systemctl", "show", "--property", "NRestarts", "--value", "msbot-master.service").strip()
+        return int(told) if told.isdigit() else 0
 
     # Files of the system
 
@@ -196,7 +207,8 @@ class System:
 
     def state(self) -> dict[str, object]:
         """What the page shows; the key of the Wi-Fi is not among it."""
-        settings, versions = asdict(self.settings()), self.store.versions()
+        settings, versions = asdict(self.settings()), asdict(self.store.versions())
+        del versions["aside"]
         settings["has_key"] = bool(settings.pop("key"))
         trouble = read(self._boot / TROUBLE, LARGEST) or b""
         return {
@@ -205,7 +217,7 @@ class System:
             "can": (self._root / "sys/class/net/can0").exists(),
             "i2c": any((self._root / "dev").glob("i2c-*")),
             "mistakes": trouble.decode("utf-8", "replace"),
-            "versions": asdict(versions),
+            "versions": versions,
         }
 
     def update(self, image: str) -> dict[str, object]:
@@ -214,7 +226,7 @@ class System:
         Raises:
             UpdateError: it is no update.
         """
-        mine = self._root / "data/card/update.deb"
+        mine = self._root / "data/card" / PACKAGE
         descriptor = os.open(self.package, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
         try:
             with os.fdopen(descriptor, "rb") as source, mine.open("wb") as target:

@@ -4,6 +4,9 @@ An update replaces the programs of MsBOT, not those of Debian. Of the package on
 used; its scripts are not run, so it has the rights of the robot's service and no others. The first start with an update
 is a trial: before it, the database is copied; if the page is not healthy then, the former version and the copy are put
 back.
+
+The power may go at any step. What the next start does is in one small file, which is replaced as a whole; each step
+that it asks for can be repeated, and is done before the file says so.
 """
 
 from __future__ import annotations
@@ -30,6 +33,10 @@ LINKS = {"/usr/bin/python3", "python3", "lib"}
 """Where links of an environment lead."""
 TRIES = 2
 """Starts that a trial has."""
+UNFINISHED = "unfinished-"
+"""Before the name of a folder that is being made or removed."""
+PACKAGE = "update.deb"
+"""The package that is being taken in."""
 COPY = "database-of-"
 """Before the version, or `image`: the folder of its database."""
 
@@ -59,6 +66,8 @@ class Versions:
     """Of the trial."""
     back: bool = False
     """The next start goes back to the former one."""
+    aside: bool = False
+    """It has begun to: the newer database is out of the way, and what is in its place is the former one's."""
     told: str = ""
     """What happened last, for the page: `updated`, `fell back`, `went back`."""
 
@@ -122,7 +131,7 @@ class Store:
 
     Args:
         folder: where they are.
-        database: the robot's.
+        database: the robot's, on the same file system and by the same mount: files are moved between the two.
         python: the folder that an environment has for the card's Python, e.g. `python3.11`.
     """
 
@@ -182,7 +191,7 @@ class Store:
             raise UpdateError(f"MsBOT {version} is the former version: go back to it", "running")
         if now.trial:
             raise UpdateError("an update is on trial: wait until the page says that it is well", "trial")
-        growing, place = self.folder / "growing", self.place(version)
+        growing, place = self.folder / f"{UNFINISHED}version", self.place(version)
         shutil.rmtree(growing, ignore_errors=True)
         growing.mkdir(mode=0o755, parents=True)
         with subprocess.Popen(["/usr/bin/dpkg-deb", "--fsys-tarfile", str(package)], stdout=subprocess.PIPE) as tar:
@@ -197,7 +206,7 @@ class Store:
         if not (growing / "lib" / self.python / "site-packages").is_dir() or not (growing / "bin/msbot").is_file():
             raise UpdateError(f"the package is for another Debian: this card has {self.python}")
         os.sync()
-        shutil.rmtree(place, ignore_errors=True)
+        self._discard(place)
         place.parent.mkdir(mode=0o755, exist_ok=True)
         growing.rename(place)
         sync_folder(place.parent)
@@ -217,30 +226,50 @@ class Store:
         return self._keep(replace(now, back=True))
 
     def _go_back(self, now: Versions) -> Versions:
-        """Have the former version run from now on, with its own database; the newer one is kept beside it."""
+        """Have the former version run from now on, with its own database; the newer one is kept beside it.
+
+        A trial that was never started has changed no database, and has no copy of its own.
+        """
         copy = self._copy(now.former)
-        if copy.is_dir():
-            later = self.database.with_name(f"{self.database.name}.of-{now.current}")
-            for path in self._files(self.database):
-                path.replace(later.with_name(later.name + path.name[len(self.database.name) :]))
-            for path in sorted(copy.iterdir()):
-                shutil.copy2(path, self.database.parent)
-                _same_owner(self.database.parent, self.database.parent / path.name)
-            os.sync()
+        if copy.is_dir() and not (now.trial and now.starts == 0):
+            if not now.aside:
+                self._set_aside(now.current)
+                now = self._keep(replace(now, back=True, aside=True))
+            for path in sorted(copy.iterdir()):  # moved: a full card has no room for another copy
+                _same_owner(self.database.parent, path)
+                path.replace(self.database.with_name(path.name))
+            sync_folder(self.database.parent)
         made = self._keep(Versions(current=now.former, told="fell back" if now.trial else "went back"))
-        shutil.rmtree(copy, ignore_errors=True)
+        self._discard(copy)
         self._forget_others(made)
         return made
 
+    def _set_aside(self, version: str) -> None:
+        """Give the database another name. It comes first and its journals follow: where it is gone, they may go."""
+        later = self.database.with_name(f"{self.database.name}.of-{version}")
+        if self.database.is_file():
+            for path in reversed(self._files(later)):  # of an earlier way back from the same version
+                path.unlink()
+        for path in self._files(self.database):
+            path.replace(later.with_name(later.name + path.name[len(self.database.name) :]))
+        sync_folder(self.database.parent)
+
     def begin(self) -> Versions:
         """What runs in this start: called before the master."""
+        self._forget_unfinished()
         now = self.versions()
         if now.back or (now.trial and now.starts >= TRIES):
             return self._go_back(now)
         if not now.trial:
             return now
         if now.starts == 0:
-            self._copy_database(self._copy(now.former))
+            try:
+                self._copy_database(self._copy(now.former))
+            except OSError:  # a full card: without a way back there is no trial
+                made = self._keep(Versions(current=now.former, told="fell back"))
+                self._forget_unfinished()
+                self._forget_others(made)
+                return made
         return self._keep(replace(now, starts=now.starts + 1))
 
     def end_trial(self, healthy: bool) -> Versions:
@@ -251,15 +280,30 @@ class Store:
         return self._keep(replace(now, trial=False, starts=0, told="updated") if healthy else replace(now, back=True))
 
     def _copy_database(self, copy: Path) -> None:
-        growing = self.folder / "database.growing"
+        growing = self.folder / f"{UNFINISHED}database"
         shutil.rmtree(growing, ignore_errors=True)
         growing.mkdir(mode=0o700)
         for path in self._files(self.database):
             shutil.copy2(path, growing)
         os.sync()
-        shutil.rmtree(copy, ignore_errors=True)
+        self._discard(copy)
         growing.rename(copy)
         sync_folder(self.folder)
+
+    def _discard(self, folder: Path) -> None:
+        """Remove a folder at once as a whole: a part of it must never be taken for all of it."""
+        if folder.is_dir():
+            place = self.folder / f"{UNFINISHED}{folder.name}"
+            shutil.rmtree(place, ignore_errors=True)
+            folder.rename(place)
+            sync_folder(folder.parent)
+            shutil.rmtree(place, ignore_errors=True)
+
+    def _forget_unfinished(self) -> None:
+        """What was being made, or removed, when the power went."""
+        for path in self.folder.glob(f"{UNFINISHED}*"):
+            shutil.rmtree(path, ignore_errors=True)
+        (self.folder / PACKAGE).unlink(missing_ok=True)
 
     @staticmethod
     def _files(database: Path) -> list[Path]:
@@ -269,12 +313,12 @@ class Store:
     def _forget_others(self, used: Versions) -> None:
         for place in (self.folder / "versions").iterdir():
             if place.name not in (used.current, used.former):
-                shutil.rmtree(place, ignore_errors=True)
+                self._discard(place)
         # One can always go back to the image, so its database stays as long as another version runs.
         kept = {self._copy(used.former).name, self._copy("").name} if used.current else set()
         for copy in self.folder.glob(f"{COPY}*"):
             if copy.name not in kept:
-                shutil.rmtree(copy, ignore_errors=True)
+                self._discard(copy)
 
 
 def _same_owner(folder: Path, path: Path) -> None:
