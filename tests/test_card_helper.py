@@ -332,8 +332,14 @@ class Recorded(System):
         super().__init__(root)
         self.programs: list[tuple[str, ...]] = []
 
-    def _run(self, *command: str, user: str | None = None, stdin: str = "") -> str:
+    refuses: tuple[str, ...] = ()
+    """Words of programs that fail."""
+
+    def _run(self, *command: str, user: str | None = None, stdin: str = "") -> str | None:
         self.programs.append(command)
+        if any(word in command for word in self.refuses):
+            self._refused = "a name has no spaces"
+            return None
         return ""
 
 
@@ -446,3 +452,29 @@ def test_a_set_up_file_is_taken_in_once_and_a_wrong_one_is_explained(
     assert "ann" in added
     assert "correct horse" not in added  # it goes by standard input
     assert changed({}, system.settings())[0].name == "lab"
+
+
+def test_an_administrator_whom_the_robot_refuses_is_a_mistake_in_the_file(
+    system: Recorded, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Path, "is_mount", lambda path: path.name == "data")
+    boot = tmp_path / "root/boot/firmware"
+    (boot / "msbot-setup.toml").write_text("[administrator]\nname = 'ann b'\npassword = 'correct horse'\n")
+    system.refuses = ("add", "passwd")
+    system.start()
+    told = (boot / "msbot-setup-mistakes.txt").read_bytes().decode()
+    assert told == "msbot-setup.toml has set everything but the administrator:\r\na name has no spaces\r\n"
+    assert "correct horse" in (boot / "msbot-setup.toml").read_text()
+    # The power went before the file was wiped: the person is there already, and gets the password again.
+    system.refuses = ("add",)
+    system.start()
+    assert [one for one in system.programs if "passwd" in one]
+    assert sorted(path.name for path in boot.iterdir()) == ["config.txt"]
+
+
+def test_what_a_program_of_the_system_says_and_why_it_fails(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    system = System(tmp_path)
+    assert system._run("sh", "-c", "cat", stdin="words") == "words"
+    assert system._run("sh", "-c", "echo no such bus >&2; exit 3") is None
+    assert system._refused == "no such bus"
+    assert "`sh -c echo no such bus >&2; exit 3` failed with 3: no such bus" in capfd.readouterr().err

@@ -47,7 +47,7 @@ class Card(System):
     def has_update_in_force(self) -> bool:
         return self._in_force
 
-    def _run(self, *command: str, user: str | None = None, stdin: str = "") -> str:
+    def _run(self, *command: str, user: str | None = None, stdin: str = "") -> str | None:
         self.programs.append(command)
         return f"{self._ends}\n" if "NRestarts" in command else ""
 

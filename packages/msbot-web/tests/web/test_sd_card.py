@@ -28,7 +28,7 @@ from tests.web.rig import Rig, ToyBench, show
 class Quiet(System):
     """A card whose helper starts no programs."""
 
-    def _run(self, *command: str, user: str | None = None, stdin: str = "") -> str:
+    def _run(self, *command: str, user: str | None = None, stdin: str = "") -> str | None:
         return ""
 
 

@@ -21,7 +21,7 @@ from msbot_card.updates import PACKAGE, Store, UpdateError
 SETUP, TROUBLE = "msbot-setup.toml", "msbot-setup-mistakes.txt"
 LARGEST_CONFIG = 100_000
 _IFF_UP = 1
-PROGRAM_S = 120.0
+PROGRAM_S = 240.0
 """How long a program of the system may take."""
 
 
@@ -39,6 +39,7 @@ class System:
         self.package = root / "var/lib/msbot/update.deb"
         """Where the page puts an update."""
         python = f"python{sys.version_info.major}.{sys.version_info.minor}"
+        self._refused = ""
         self.store = Store(root / "data/card", root / "data/msbot/robot.db", python)
 
     # What is set
@@ -86,9 +87,9 @@ class System:
         self._write(settings)
         self._name(settings.name)
         self._edit_config(settings)
-        if administrator is not None:
-            self._add(administrator)
-        if taken is not None:  # only now: when the power goes before, the next start does all this
+        if administrator is not None and (refused := self._add(administrator)):
+            self._explain("has set everything but the administrator", refused)
+        elif taken is not None:  # only now: when the power goes before, the next start does all this
             with Writable(self):
                 remove(self._boot / TROUBLE)
                 wipe(self._boot / SETUP)
@@ -105,22 +106,36 @@ class System:
         try:
             after, administrator = parse(text, before)
         except SettingsError as error:
-            say(f"{SETUP}: {error}")
-            with Writable(self):
-                keep(self._boot / TROUBLE, f"{SETUP} was not used:\r\n{error}\r\n".encode())
+            self._explain("was not used", str(error))
             return None
         keep(self._kept, dump(after))
         return after, administrator
 
-    def _add(self, administrator: Administrator) -> None:
-        """Let the administrator sign in; the password goes to the robot's own program, which keeps a hash of it."""
-        command = ["/usr/lib/msbot/bin/msbot", "user", "add", administrator.name, "--role", "administrator"]
-        command += ["--password-stdin", "--db", "/var/lib/msbot/robot.db"]
+    def _explain(self, head: str, mistake: str) -> None:
+        """Write down what is wrong with the set-up file, which stays, beside it."""
+        say(f"{SETUP} {head}: {mistake}")
+        with Writable(self):
+            keep(self._boot / TROUBLE, f"{SETUP} {head}:\r\n{mistake}\r\n".encode())
+
+    def _add(self, administrator: Administrator) -> str:
+        """Let the administrator sign in; the password goes to the robot's own program, which keeps a hash of it.
+
+        Returns:
+            why not; empty: it is done.
+        """
+        user, told = ["/usr/lib/msbot/bin/msbot", "user"], f"{administrator.password}\n"
+        of_all = ["--password-stdin", "--db", "/var/lib/msbot/robot.db"]
         database = self._root / "var/lib/msbot/robot.db"
         if not database.exists():
             made = ["/usr/lib/msbot/bin/msbot", "apply", "/etc/msbot/robot.toml", "--yes", "--db", str(database)]
             self._run(*made, user="msbot")
-        self._run(*command, user="msbot", stdin=administrator.password + "\n")
+        adding = ("add", administrator.name, "--role", "administrator")
+        if self._run(*user, *adding, *of_all, user="msbot", stdin=told) is not None:
+            return ""
+        refused = self._refused
+        # When the power went before the file was wiped, the person is there already.
+        changed_it = self._run(*user, "passwd", administrator.name, *of_all, user="msbot", stdin=told)
+        return refused if changed_it is None else ""
 
     def _version(self) -> None:
         """Have the version that is in force where MsBOT is."""
@@ -142,8 +157,8 @@ class System:
 
     def ends_of_master(self) -> int:
         """How often the master has ended and was started again since this start."""
-        told = self._run("systemctl", "show", "--property", "NRestarts", "--value", "msbot-master.service").strip()
-        return int(told) if told.isdigit() else 0
+        told = self._run("systemctl", "show", "--property", "NRestarts", "--value", "msbot-master.service")
+        return int(told) if told is not None and told.strip().isdigit() else 0
 
     # Files of the system
 
@@ -256,26 +271,35 @@ class System:
         if self._boot.is_mount():
             self._run("mount", "-o", f"remount,{how}", str(self._boot))
 
-    def _run(self, *command: str, user: str | None = None, stdin: str = "") -> str:
+    def _run(self, *command: str, user: str | None = None, stdin: str = "") -> str | None:
+        """What a program of the system says; None: it fails, and `_refused` is why."""
         environment = {"PATH": "/usr/sbin:/usr/bin:/sbin:/bin", "LC_ALL": "C.UTF-8"}
         if user is not None:
             environment |= {"HOME": "/var/lib/msbot"}
-        done = subprocess.run(
-            command,
-            input=stdin,
-            capture_output=True,
-            text=True,
-            errors="replace",
-            check=False,
-            timeout=PROGRAM_S,
-            env=environment,
-            user=user,
-            group=user,
-            extra_groups=[] if user else None,
-            cwd="/",
-        )
-        if done.returncode:
-            say(f"`{' '.join(command[:3])}` failed with {done.returncode}: {done.stderr.strip()[-500:]}")
+        try:
+            done = subprocess.run(
+                command,
+                input=stdin,
+                capture_output=True,
+                text=True,
+                errors="replace",
+                check=True,
+                timeout=PROGRAM_S,
+                env=environment,
+                user=user,
+                group=user,
+                extra_groups=[] if user else None,
+                umask=0o077 if user else -1,
+                cwd="/",
+            )
+        except subprocess.CalledProcessError as error:
+            self._refused = error.stderr.strip()[-500:]
+            say(f"`{' '.join(command[:3])}` failed with {error.returncode}: {self._refused}")
+            return None
+        except subprocess.TimeoutExpired:
+            self._refused = f"this computer needs more than {PROGRAM_S:.0f} s for it: start it again"
+            say(f"`{' '.join(command[:3])}`: {self._refused}")
+            return None
         return done.stdout
 
 
