@@ -12,6 +12,7 @@ import ipaddress
 import json
 from pathlib import Path
 
+from tools.card_image import wifi_country
 from tools.card_image.base import ImageError, run
 from tools.card_image.forgetful_disk import pieces
 from tools.card_image.machine import Machine
@@ -23,7 +24,7 @@ from tools.card_image.shell import Shell, line
 COMPUTER, OTHER = "robot-7", "robot-8"
 """Its name by the file, and then by the page."""
 TEACHER, TEACHER_PASSWORD = "grace", "a compiler of 1952"
-NETWORK, WIFI_PASSWORD = "School", "chalk and talk"
+NETWORK, WIFI_PASSWORD, COUNTRY = "School", "chalk and talk", "DE"
 BITRATE = 250_000
 SOURCE = "ABCD"
 """The part number of the slot AA of the sample robot."""
@@ -32,7 +33,7 @@ SET_UP = f"""name = "{COMPUTER}"
 name = "{TEACHER}"
 password = "{TEACHER_PASSWORD}"
 [wifi]
-country = "DE"
+country = "{COUNTRY}"
 network = "{NETWORK}"
 password = "{WIFI_PASSWORD}"
 [hardware]
@@ -211,10 +212,11 @@ class SetUpTrial:
         )
         self._shell.run("grep -q AP-STA-CONNECTED /run/point.log")
         self._shell.wait_for("journalctl --unit wpa_supplicant@wlan0 | grep -qi 'key negotiation completed'", 60)
-        country = self._shell.ask("grep ^country= /etc/wpa_supplicant/wpa_supplicant-wlan0.conf")[1]
+        self._shell.run(f"printf '%s' '{Path(wifi_country.__file__).read_text('utf-8')}' > /run/country.py")
+        self._shell.wait_for(f"test $(python3 /run/country.py) = {COUNTRY}", 120)
         self._saw(
             "Wi-Fi of the file, at an access point of the kernel's simulated radio",
-            f"WPA2 key agreed, address {address} by DHCP, {country}",
+            f"WPA2 key agreed, address {address} by DHCP; the kernel keeps to the rules of {COUNTRY}",
         )
 
     def _nothing_on_the_card(self) -> None:
