@@ -3,6 +3,7 @@ Python; its text is handed there between single quotes, so it has none."""
 
 import socket
 import struct
+import sys
 from collections.abc import Iterator
 
 CONTROL, GET_FAMILY, FAMILY_ID, FAMILY_NAME = 16, 3, 1, 2
@@ -35,4 +36,4 @@ def country() -> str:
 
 
 if __name__ == "__main__":
-    print(country())
+    sys.stdout.write(country() + "\n")
