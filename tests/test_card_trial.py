@@ -67,7 +67,7 @@ def page_from(monkeypatch: pytest.MonkeyPatch, clock: Clock, at: float, status: 
     """There is a page from that time on."""
 
     @contextlib.contextmanager
-    def urlopen(_: str, timeout: float) -> Iterator[SimpleNamespace]:  # noqa: ARG001
+    def urlopen(_: str, timeout: float) -> Iterator[SimpleNamespace]:
         if clock.now < at:
             raise ConnectionRefusedError
         yield SimpleNamespace(status=status)
@@ -75,9 +75,7 @@ def page_from(monkeypatch: pytest.MonkeyPatch, clock: Clock, at: float, status: 
     monkeypatch.setattr(urllib.request, "urlopen", urlopen)
 
 
-def test_an_update_is_well_when_its_page_answers(
-    tmp_path: Path, clock: Clock, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_update_is_well_when_its_page_answers(tmp_path: Path, clock: Clock, monkeypatch: pytest.MonkeyPatch) -> None:
     page_from(monkeypatch, clock, 200.0)
     card = Card(tmp_path, ends=1)
     units.trial(card)

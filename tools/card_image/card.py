@@ -36,8 +36,12 @@ DISABLED = (
     "wpa_supplicant.service",
 )
 """What makes no sense where the root is read only, or is started otherwise."""
-MASKED = ("systemd-networkd-wait-online.service",)
-"""A robot starts without a network, too."""
+MASKED = (
+    "systemd-networkd-wait-online.service",
+    "systemd-binfmt.service",
+    "proc-sys-fs-binfmt_misc.automount",
+)
+"""A robot starts without a network, too, and runs no programs of other kinds of computers."""
 EMPTIED = ("boot", "var/lib/apt/lists", "var/cache/apt", "var/cache/debconf", "var/log", "tmp", "run")
 DATA = {"msbot": "var/lib/msbot", "agent": "var/lib/msbot-agent", "clock": "var/lib/systemd/timesync", "card": ""}
 """Folders of the data partition, and where they are seen (`etc/fstab`)."""

@@ -1,4 +1,4 @@
-"""Says by the rules of which country Linux uses its radios (nl80211). It runs in the virtual computer, with no more than
+"""Says by the rules of which country Linux uses its radios (nl80211). It runs in the virtual computer, with its
 Python; its text is handed there between single quotes, so it has none."""
 
 import socket
