@@ -17,6 +17,9 @@ STEPS: Final = ((0.08, 0.05), (0.016, 0.01), (0.0, 0.002))
 """A timer at least so far away comes at a multiple of so much, seconds; the longer ones are multiples of the others."""
 EARLY_S: Final = 0.01
 """A pause may end so much too early, or a tenth of it: what sleeps in a circle keeps its period."""
+MOST_READ: Final = 0x10000
+"""Octets that a connection's transport makes room for whenever it reads. For asyncio's own 256 KiB the C library asks
+the kernel for memory, gives most of it back at once, and the rest after the message."""
 _ROUNDING: Final = 1e-6
 """Part of a step that a time on the grid may be off."""
 
@@ -48,6 +51,13 @@ def first_time(loop: asyncio.AbstractEventLoop) -> float:
 
 class TimerGridLoop(asyncio.SelectorEventLoop):
     """See the module's docstring."""
+
+    def _make_socket_transport(self, *args: object, **settings: object) -> asyncio.Transport:
+        """asyncio's way to a transport: it has no other place for `max_size`."""
+        make: Callable[..., asyncio.Transport] = super()._make_socket_transport  # type: ignore[misc]
+        transport = make(*args, **settings)
+        vars(transport)["max_size"] = MOST_READ
+        return transport
 
     def call_at(
         self, when: float, callback: Callable[[*_Ts], object], *args: *_Ts, context: Context | None = None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING
 from urllib.parse import quote
 
@@ -78,15 +78,16 @@ def show_menu(page: Page, path: str, button: ui.button) -> None:
             ways.append(HELP_ENTRY)
         short = PUPILS_ENTRIES if is_pupil(page) else ENTRIES if page.easy else None
         others = [way for way in ways if short is not None and way.path not in short and way.path != path]
-        if short is None:
-            _groups(page, path, ways)
-        else:
-            _entries(page, path, [way for way in ways if way not in others])
-        if others:
-            with ui.element("details").classes("w-full"):
-                with ui.element("summary"):
-                    ui.label(page.translate("More"))
-                _entries(page, path, others)
+        groups = (
+            _groups(page, ways)
+            if short is None
+            else [{"title": "", "ways": [way for way in ways if way not in others]}]
+        )
+        counts = _Counts(page, ways)
+        # One element: thirty open pages would keep thousands of them otherwise.
+        text = render("menu", say=page.translate, groups=groups, others=others, path=path, counts=counts.shown)
+        ui.html(text, sanitize=False).classes("ms-nav-entries")
+        page.every_look(counts.show)
         notify_lost(page)
     button.on("click", js_handler=f"() => getElement({drawer.id}).toggle()")
 
@@ -126,16 +127,13 @@ def _behind_pages(page: Page) -> list[list[str]]:
     return found + [[title_of(name) or name, book, f"/handbook/{name}"] for name in names]
 
 
-def _groups(page: Page, path: str, ways: Sequence[MenuEntry]) -> None:
-    for group in (*GROUPS, ""):  # what extensions bring comes last
-        found = [way for way in ways if way.group == group]
-        if not found:
-            continue
-        title = page.translate(group or "More")
-        with ui.element("div").props("role=group").classes("ms-nav-group") as box:
-            box.props["aria-label"] = box.props["data-group"] = title
-            ui.label(title).classes("ms-nav-head").props("aria-hidden=true")
-            _entries(page, path, found)
+def _groups(page: Page, ways: Sequence[MenuEntry]) -> list[Mapping[str, object]]:
+    """The entries under their headings."""
+    found = [
+        {"title": page.translate(group or "More"), "ways": [way for way in ways if way.group == group]}
+        for group in (*GROUPS, "")  # what extensions bring comes last
+    ]
+    return [group for group in found if group["ways"]]
 
 
 def _drawer() -> ui.element:
@@ -155,26 +153,26 @@ def _drawer() -> ui.element:
     return drawer
 
 
-def _entries(page: Page, path: str, ways: Sequence[MenuEntry]) -> None:
-    for way in ways:
-        with ui.link(target=way.path).props('aria-current="page"' if way.path == path else ""):
-            ui.icon(way.icon, size="1.3rem").props("aria-hidden=true")
-            ui.label(page.translate(way.title)).props("data-title")
-            if way.path == "/":
-                _count(page, lambda: len(lost_slots(page.service.robot())), "bad")
-            elif way.path == "/arrivals":
-                _count(page, lambda: page.service.robot().arrivals, "")
-            elif way.path == "/pupils":
-                _count(page, lambda: len(page.service.pupils.passes.waiting.names()), "")
+class _Counts:
+    """The numbers behind entries of the menu; none at 0."""
 
+    def __init__(self, page: Page, ways: Sequence[MenuEntry]) -> None:
+        service = page.service
+        known: Mapping[str, Callable[[], int]] = {
+            "/": lambda: len(lost_slots(service.robot())),
+            "/arrivals": lambda: service.robot().arrivals,
+            "/pupils": lambda: len(service.pupils.passes.waiting.names()),
+        }
+        self._of = {way.path: known[way.path] for way in ways if way.path in known}
+        self.shown = self._now()
 
-def _count(page: Page, of: Callable[[], int], look: str) -> None:
-    """A number behind an entry of the menu; nothing at 0."""
-    count = ui.label("").classes(f"count {look}")
+    def show(self) -> None:
+        """Tell the browser what has changed."""
+        now = self._now()
+        changed = {path: number for path, number in now.items() if self.shown[path] != number}
+        if changed:
+            self.shown = now
+            ui.run_javascript(f"msbotMenuCounts({json.dumps(changed)})")
 
-    def show() -> None:
-        number = of()
-        count.set_text(str(number))
-        count.set_visibility(number > 0)
-
-    page.every_look(show)
+    def _now(self) -> dict[str, int]:
+        return {path: of() for path, of in self._of.items()}

@@ -17,6 +17,7 @@ from nicegui.events import GenericEventArguments
 from msbot.operations.rights import Right
 from msbot_web.html import Markup, render
 from msbot_web.models.robot_models import Robot
+from msbot_web.nicegui_internals.elements import forget_content
 from msbot_web.pages.gallery import back_to_rover
 from msbot_web.pages.layout import page_frame
 from msbot_web.pages.live_cards import (
@@ -113,6 +114,8 @@ class _Grid:
         self._places: object = None
         """Whether it is the past, and which slots there are."""
         self._shown: dict[str, object] = {}
+        self._is_kept = False
+        """Whether the server still has the text of all cards that it gave to the browser."""
         self._element = ui.html("", sanitize=False).classes("w-full")
         self._element.on("click", self._clicked, js_handler=_CLICKED)
         self._element.on("keydown", self._clicked, js_handler=_KEY)
@@ -126,7 +129,10 @@ class _Grid:
         if places != self._places:
             self._places, self._shown = places, looks_of(robot)
             self._element.set_content(self._whole(robot))
+            self._is_kept = True
             live.again(page.client_id)
+        elif self._is_kept:
+            self._is_kept = not forget_content(self._element)
         if page.is_past:
             live.hide(page.client_id)
         elif live.show(page.client_id, *live_cards(page)):

@@ -265,6 +265,16 @@ function msbotSlid(id, slider) {
   if (!window.did_handshake) msbotSaidLater(slider);
 }
 
+// The numbers behind entries of the menu, by their paths; none at 0.
+function msbotMenuCounts(numbers) {
+  for (const [path, number] of Object.entries(numbers)) {
+    for (const count of document.querySelectorAll(`.ms-nav [data-count="${path}"]`)) {
+      count.textContent = number;
+      count.hidden = !number;
+    }
+  }
+}
+
 // Where the cards are; what is live of them comes by `msbotLive`.
 function msbotLiveCards(grid) {
   msbotLive.show("cards", (cards) => msbotCards(grid, cards));
