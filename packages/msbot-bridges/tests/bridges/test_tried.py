@@ -39,7 +39,7 @@ TRIED = {
         MODULE,
     ),
     "adopted, recorded, lost, explained": (WHOLE,) * 6,
-    "a like device gets slot and settings; undone": (LIKE, SET, LIKE, SET, LIKE_PUMP, LIKE_MODULE),
+    "a device of the same type gets slot and settings; undone": (LIKE, SET, LIKE, SET, LIKE_PUMP, LIKE_MODULE),
     "a spare of another world": (SWAP, CYPHAL_SPARE, SWAP, SPARE, SPARE_BACK, EITHER),
 }
 """The test of each cell, in the order of the page's columns; None: a gap."""
