@@ -37,9 +37,9 @@ LEAST_STEP_S, LONGEST_STEP_S = 0.03, 0.25
 """Between two turns that are given: as long as making a page has taken lately."""
 LONGEST_TURN_S = 10.0
 """Turns are given so far ahead; who asks then is told to ask again."""
-WAITING = "so many of your pages are being made: wait until they are there"
-OPEN = "so many of your pages are open: close some of them"
-LATER = "so many pages are being made: ask again in a moment"
+WAITING = "too many of your pages are being loaded: wait until they are there"
+OPEN = "too many of your pages are open: close some of them"
+LATER = "too many pages are being loaded: try again in a moment"
 
 
 class PageAdmission:

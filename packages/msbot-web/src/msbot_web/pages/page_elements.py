@@ -107,7 +107,7 @@ def file_button(
         max_file_size=max_size,
         on_rejected=lambda: ui.notify(
             page.translate(
-                "This file is not taken: at most {size} kB{ending}.",
+                "This file is not accepted: at most {size} kB{ending}.",
                 size=f"{max_size // 1000:,}",
                 ending=ending and f", *{ending}",
             ),
@@ -123,6 +123,6 @@ def file_button(
     upload.on("start", lambda: button.props("loading"), args=[])
     upload.on("finish", lambda: button.props(remove="loading"), args=[])
     upload.on(
-        "failed", lambda: ui.notify(page.translate("The file has not come in: try again."), type="negative"), args=[]
+        "failed", lambda: ui.notify(page.translate("The file did not arrive: try again."), type="negative"), args=[]
     )
     return button

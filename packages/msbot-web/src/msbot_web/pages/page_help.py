@@ -43,7 +43,7 @@ HELP = {
         "howto/web_page",
     ),
     "/arrivals": PageHelp(
-        "Parts that knocked but are not in the robot wait here, each with the reason. A teacher opens the adoption "
+        "Parts that want to join but have no slot wait here, each with the reason. A teacher opens the adoption "
         "window and lets a part in with one click. Whatever is done here can be undone in the journal.",
         "howto/swap_a_part",
     ),
@@ -54,12 +54,12 @@ HELP = {
     ),
     "/arena": PageHelp(
         "The world that simulated robots drive in, live. Drag a robot to put it elsewhere, pause the world, let it go "
-        "slower, and drive by hand. Everything that a robot senses here, its parts say as messages.",
+        "slower, and drive by hand. What a robot senses here, its parts publish as messages.",
         "howto/arena",
     ),
     "/gallery": PageHelp(
-        "Each card is a robot, alone or in a world, and says what can be learned with it. A teacher starts it by a click, "
-        "and the page comes back with it. What would end by that is said first.",
+        "Each card is a robot, alone or in a world, and says what can be learned with it. A teacher starts it with "
+        "a click; then this page shows the new robot. Before that, the page names what would end.",
         "howto/web_page",
     ),
     "/bus": PageHelp(
@@ -68,8 +68,9 @@ HELP = {
         "howto/watch_the_bus",
     ),
     "/wires": PageHelp(
-        "Parts do not know each other: a part publishes on a topic, and whoever is bound to it hears it. Green lines "
-        "carry samples now, dashed ones are silent. A teacher joins ports, makes slots and takes them out.",
+        "Parts do not know each other: a part publishes on a topic, and every part that is wired to it gets the "
+        "messages. Green lines carry messages now, dashed ones are silent. A teacher joins ports, makes slots and "
+        "takes them out.",
         "explain/plug_and_play",
     ),
     "/program": PageHelp(
@@ -95,9 +96,9 @@ HELP = {
         "howto/lessons",
     ),
     "/pupils": PageHelp(
-        "Everybody in the class, those who ask for help first. Freeze all holds every pupil's program, what it drives goes "
-        "to its safe value; STOP is something else and comes before it. Groups have slots of their own; a pasted list "
-        "makes accounts with tickets to print.",
+        "Everybody in the class, those who ask for help first. Freeze all pauses every pupil's program, and what it "
+        "drives gets its safe value; STOP is something else, and stops the whole robot. Groups have slots of their "
+        "own; a pasted list makes accounts with tickets to print.",
         "howto/classroom",
     ),
     "/projector": PageHelp(
@@ -126,19 +127,19 @@ HELP = {
         "howto/web_page",
     ),
     "/doctor": PageHelp(
-        "The doctor looks at the computer, its buses and the robot, and says what is not as it should be. Each finding "
-        "has the command that mends it. What can be taken back is mended with one click.",
+        "The doctor examines the computer, its buses and the robot, and lists what is wrong. Each finding has the "
+        "command that mends it. What can be undone is mended with one click.",
         "howto/find_what_is_wrong",
     ),
     "/class": PageHelp(
         "Every tile is a robot of your class. Its colour says at a glance whether all its parts are there. Click a "
         "tile to go to that robot.",
-        "howto/web_page",
+        "howto/class",
     ),
     "/admin": PageHelp(
-        "Here an administrator says who may sign in and what they may do: viewers look, students operate, teachers "
-        "arrange, administrators do everything. Programs sign in with tokens. A backup keeps the whole robot in one "
-        "file.",
+        "Here an administrator decides who may sign in and what they may do: viewers look, students operate, "
+        "teachers change the robot, administrators do everything. Programs sign in with API tokens. A backup keeps "
+        "the whole robot in one file.",
         "howto/database",
     ),
 }

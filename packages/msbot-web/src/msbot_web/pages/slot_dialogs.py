@@ -59,7 +59,7 @@ def say_misfit(page: Page, one: str, other: str) -> None:
         words = page.translate(
             "{one} and {other} both serve: join one that serves with one that calls."
             if is_service
-            else "{one} and {other} both publish: join one that publishes with one that hears.",
+            else "{one} and {other} both publish: join one that publishes with one that subscribes.",
             one=one,
             other=other,
         )
@@ -67,7 +67,7 @@ def say_misfit(page: Page, one: str, other: str) -> None:
         words = page.translate(
             "{one} and {other} both call: join one that serves with one that calls."
             if is_service
-            else "{one} and {other} both hear: join one that publishes with one that hears.",
+            else "{one} and {other} both subscribe: join one that publishes with one that subscribes.",
             one=one,
             other=other,
         )
@@ -108,7 +108,7 @@ def _ask_for_topic(page: Page, start: str, end: str) -> None:
         told = (
             say("{source} serves it, {target} calls.", source=start, target=end)
             if is_service
-            else say("{source} publishes on it, {target} hears it.", source=start, target=end)
+            else say("{source} publishes on it, {target} subscribes to it.", source=start, target=end)
         )
         ui.label(told).classes("soft")
         proposal = free_name(start.replace(".", "_"), {line.topic for line in views.topics()})

@@ -27,7 +27,7 @@ def test_wires_are_drawn_by_keyboard_and_by_mouse_and_undone(page: Page) -> None
     port(page, "hand.holding (Switch): not wired").focus()
     page.keyboard.press("Enter")
     expect(page.locator(".port.fits")).to_have_count(2)  # headlight.on and horn.on
-    port(page, "horn.on (Switch): hears obstacle").focus()
+    port(page, "horn.on (Switch): subscribes to obstacle").focus()
     page.keyboard.press("Enter")
     name = page.get_by_label("Name of the topic")
     expect(name).to_have_value("hand_holding")
@@ -37,14 +37,14 @@ def test_wires_are_drawn_by_keyboard_and_by_mouse_and_undone(page: Page) -> None
     told(page, "There is a topic obstacle already")
     name.fill("grab")
     page.keyboard.press("Enter")
-    expect(port(page, "horn.on (Switch): hears grab")).to_be_visible()
+    expect(port(page, "horn.on (Switch): subscribes to grab")).to_be_visible()
     expect(port(page, "hand.holding (Switch): publishes on grab")).to_be_visible()
     # By mouse: back to the bumper, which has its topic; nobody is asked for a name.
     port(page, "bumper.near (Switch)").drag_to(port(page, "horn.on (Switch)"))
-    horn = port(page, "horn.on (Switch): hears obstacle")
+    horn = port(page, "horn.on (Switch): subscribes to obstacle")
     expect(horn).to_be_visible()
     undo_newest(page)  # leaving one topic and hearing the other is one change
-    expect(port(page, "horn.on (Switch): hears grab")).to_be_visible()
+    expect(port(page, "horn.on (Switch): subscribes to grab")).to_be_visible()
     port(page, "knob.level (Level)").drag_to(port(page, "horn.on (Switch)"))
     told(page, "knob.level carries Level, horn.on carries")
     port(page, "bumper.near (Switch)").drag_to(port(page, "horn.on (Switch)"))
@@ -53,7 +53,7 @@ def test_wires_are_drawn_by_keyboard_and_by_mouse_and_undone(page: Page) -> None
     page.keyboard.press("Delete")
     expect(port(page, "horn.on (Switch): not wired")).to_be_visible()
     undo_newest(page)
-    expect(port(page, "horn.on (Switch): hears obstacle")).to_be_visible()
+    expect(port(page, "horn.on (Switch): subscribes to obstacle")).to_be_visible()
 
 
 def test_a_part_that_goes_changes_the_colour_of_its_box_and_takes_nobody_the_focus(page: Page) -> None:
@@ -79,7 +79,7 @@ def test_a_new_topic_is_dragged_named_and_taken_back_at_once(page: Page) -> None
     port(page, "hand.holding (Switch)").drag_to(port(page, "horn.on (Switch)"))
     page.get_by_label("Name of the topic").fill("beep when held")
     page.get_by_role("button", name="Join").click()
-    expect(port(page, "horn.on (Switch): hears beep when held")).to_be_visible()
+    expect(port(page, "horn.on (Switch): subscribes to beep when held")).to_be_visible()
     expect(page.get_by_role("cell", name="beep when held")).to_be_visible()
     undo_newest(page)
     expect(port(page, "horn.on (Switch): not wired")).to_be_visible()
@@ -144,7 +144,7 @@ def test_on_a_phone_a_slot_is_made_and_wired_and_another_taken_out_with_its_wire
     port(page, "push_button.pressed (Switch): not wired").click()
     port(page, "headlight.on (Switch)").click()
     page.get_by_role("button", name="Join").click()
-    expect(port(page, "headlight.on (Switch): hears push_button_pressed")).to_be_visible()
+    expect(port(page, "headlight.on (Switch): subscribes to push_button_pressed")).to_be_visible()
     cross = page.get_by_role("button", name="Take slot headlight out")
     cross.click()
     page.get_by_role("button", name="Cancel").click()
@@ -156,7 +156,7 @@ def test_on_a_phone_a_slot_is_made_and_wired_and_another_taken_out_with_its_wire
     expect(cross).to_have_count(0)
     expect(port(page, "headlight.on (Switch)")).to_have_count(0)
     undo_newest(page)
-    expect(port(page, "headlight.on (Switch): hears push_button_pressed")).to_be_visible()
+    expect(port(page, "headlight.on (Switch): subscribes to push_button_pressed")).to_be_visible()
     go(page, demo.base)
     expect(page.get_by_role("button", name="Open slot headlight")).to_contain_text("active")
     expect(page.get_by_role("button", name="Open slot push_button")).to_contain_text("empty")
