@@ -109,15 +109,15 @@ class _ArenaPage:
                 self._host = ui.html(self._arena.picture(), sanitize=False).classes("w-full")
             with ui.element("div").classes("row").style("margin-top:.6rem"):
                 self._pause = ui.button(say("Pause"), icon="pause", on_click=self._pause_it).props("flat")
-                self._step = ui.button(say("One step"), icon="skip_next", on_click=self._step_it).props("flat")
-                self._reset = ui.button(say("Begin anew"), icon="restart_alt", on_click=self._reset_it).props("flat")
+                step = ui.button(say("One step"), icon="skip_next", on_click=self._step_it).props("flat")
+                reset = ui.button(say("Begin anew"), icon="restart_alt", on_click=self._reset_it).props("flat")
                 now = next(word for word, speed in SPEEDS.items() if speed == self._arena.speed)
-                ui.label(say("Speed")).classes("soft")
+                speed = ui.label(say("Speed")).classes("soft")
                 self._speed = ui.toggle([*SPEEDS], value=now, on_change=self._speed_chosen).props(
                     f'no-caps dense aria-label="{say("Speed")}"'
                 )
-                for element in (self._pause, self._step, self._reset, self._speed):
-                    element.set_enabled(may)
+                for element in (self._pause, step, reset, speed, self._speed):
+                    element.set_visibility(may)
                 self._clock = ui.label("").classes("soft")
         if self._pilot and may:
             self._make_drive()

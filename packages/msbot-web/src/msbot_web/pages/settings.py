@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import partial
 
 from fastapi import Request
+from markupsafe import Markup
 from nicegui import ui
 from nicegui.events import UploadEventArguments
 
@@ -95,52 +96,65 @@ def _robot(page: Page) -> None:
 
 
 async def _blueprint(page: Page) -> None:
-    from msbot_web.pages.program_editor import Editor  # with CodeMirror, which the first page does not need
-
-    service, say = page.service, page.translate
     try:
-        text = await service.blueprint()
+        text = await page.service.blueprint()
     except MsbotError as error:
         ui.label(page.translate(str(error))).classes("ms-banner warn")
         return
     with ui.element("div").classes("panel"):
         heading("robot.toml")
-        ui.label(say("Edit, look at what would change, then apply.")).classes("soft")
-        editor = Editor(text, language="TOML").style("height:24rem;border:1px solid var(--line)")
-        editor.line_wrapping = True
-        changes = ui.html("", sanitize=False).classes("w-full").props("aria-live=polite")
+        if page.may(Right.DESIGN):
+            _blueprint_editor(page, text)
+        else:
+            shown = Markup('<pre class="mono scroll" tabindex="0" style="max-height:24rem">{}</pre>').format(text)
+            ui.html(shown, sanitize=False).classes("w-full")
+            with ui.element("div").classes("row").style("margin-top:.6rem"):
+                _download(page)
 
-        async def compare() -> bool:
-            try:
-                diff = await service.blueprint_diff(page.session, str(editor.value))
-            except MsbotError as error:
-                changes.set_content(render("changes", say=say, error=say(str(error)), changes=[]))
-                return False
-            changes.set_content(render("changes", say=say, error="", changes=diff.changes))
-            return bool(diff.changes)
 
-        async def apply() -> None:
-            if not await compare():
-                return
-            if await page.do(lambda session: service.apply_blueprint(session, str(editor.value))) is not None:
-                editor.value = await service.blueprint()
-                changes.set_content("")
+def _blueprint_editor(page: Page, text: str) -> None:
+    """The blueprint for who may change it: edited, compared, applied."""
+    from msbot_web.pages.program_editor import Editor  # with CodeMirror, which the first page does not need
 
-        async def upload(event: UploadEventArguments) -> None:
-            content = await event.file.read()
-            try:
-                editor.value = content.decode("utf-8")
-            except UnicodeDecodeError:
-                ui.notify(say("This file is not UTF-8 text."), type="negative")
-                return
-            await compare()
+    service, say = page.service, page.translate
+    ui.label(say("Edit, look at what would change, then apply.")).classes("soft")
+    editor = Editor(text, language="TOML").style("height:24rem;border:1px solid var(--line)")
+    editor.line_wrapping = True
+    changes = ui.html("", sanitize=False).classes("w-full").props("aria-live=polite")
 
-        with ui.element("div").classes("row").style("margin-top:.6rem"):
-            if page.may(Right.DESIGN):
-                ui.button(say("Compare"), icon="difference", on_click=compare).props("outline")
-                ui.button(say("Apply"), icon="check", on_click=apply)
-            ui.button(
-                say("Download"), icon="download", on_click=lambda: ui.download("/api/blueprint", "robot.toml")
-            ).props("flat")
-            if page.may(Right.DESIGN):
-                file_button(page, say("Import a file"), upload, max_size=MAX_BLUEPRINT, ending=".toml")
+    async def compare() -> bool:
+        try:
+            diff = await service.blueprint_diff(page.session, str(editor.value))
+        except MsbotError as error:
+            changes.set_content(render("changes", say=say, error=say(str(error)), changes=[]))
+            return False
+        changes.set_content(render("changes", say=say, error="", changes=diff.changes))
+        return bool(diff.changes)
+
+    async def apply() -> None:
+        if not await compare():
+            return
+        if await page.do(lambda session: service.apply_blueprint(session, str(editor.value))) is not None:
+            editor.value = await service.blueprint()
+            changes.set_content("")
+
+    async def upload(event: UploadEventArguments) -> None:
+        content = await event.file.read()
+        try:
+            editor.value = content.decode("utf-8")
+        except UnicodeDecodeError:
+            ui.notify(say("This file is not UTF-8 text."), type="negative")
+            return
+        await compare()
+
+    with ui.element("div").classes("row").style("margin-top:.6rem"):
+        ui.button(say("Compare"), icon="difference", on_click=compare).props("outline")
+        ui.button(say("Apply"), icon="check", on_click=apply)
+        _download(page)
+        file_button(page, say("Import a file"), upload, max_size=MAX_BLUEPRINT, ending=".toml")
+
+
+def _download(page: Page) -> None:
+    ui.button(
+        page.translate("Download"), icon="download", on_click=lambda: ui.download("/api/blueprint", "robot.toml")
+    ).props("flat")

@@ -149,7 +149,11 @@ def _table(page: Page) -> None:
 
     def show() -> None:
         rows = [_row(topic, page) for topic in page.sight.topics()]
-        empty = page.translate("Nothing is wired yet. Drag from one port to another in the drawing above.")
+        empty = page.translate(
+            "Nothing is wired yet. Drag from one port to another in the drawing above."
+            if page.may(Right.DESIGN)
+            else "Nothing is wired yet."
+        )
         content = render("table", heads=[page.translate(title) for title in titles], rows=rows or [(empty,)])
         set_html(table, content)
 

@@ -6,11 +6,11 @@ import re
 from collections.abc import Iterator
 
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Browser, Page, expect
 
 from tests.e2e.processes import running
 from tests.web.browser.accessible import hurdles_by_day_and_night
-from tests.web.browser.conftest import Site, again_until, go
+from tests.web.browser.conftest import Site, again_until, call, go, new_page
 from tests.web.browser.keyboard import out_of_reach
 
 FRAMES = "window.msbotArenaFrames ? msbotArenaFrames() : 0"
@@ -178,3 +178,22 @@ def test_keys_drive_wherever_the_focus_is_and_the_pilot_goes_with_its_page(movin
     first.close()
     expect(note).to_be_hidden()
     moving.get_by_role("button", name="Stop", exact=True).click()
+
+
+def test_who_may_only_look_is_offered_no_button_that_changes_the_world(
+    blank: Page, browser: Browser, demo: Site
+) -> None:
+    go(blank, f"{demo.base}/arena")
+    expect(blank.get_by_role("button", name="Begin anew")).to_be_visible()
+    person = {"name": "Vera", "role": "viewer", "password": "long enough 1"}
+    assert call(blank, "POST", "/api/users", person) == 200
+    page = new_page(browser)
+    page.goto(f"{demo.base}/login")
+    page.fill("[name=name]", person["name"])
+    page.fill("[name=password]", person["password"])
+    page.click("button[type=submit]")
+    page.wait_for_url(f"{demo.base}/")
+    go(page, f"{demo.base}/arena")
+    expect(page.get_by_role("button", name="Zoom in")).to_be_visible()
+    for name in ("Begin anew", "One step", "½", "Plug the pilot in"):
+        expect(page.get_by_role("button", name=name)).to_have_count(0)

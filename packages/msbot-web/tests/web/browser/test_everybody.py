@@ -226,6 +226,19 @@ def test_the_focus_stays_with_the_person(visitors: Mapping[str, Page], demo: Sit
     page.wait_for_function("document.activeElement !== document.body")
 
 
+@pytest.mark.parametrize(("role", "may_change"), [("teacher", True), ("pupil", False), ("guest", False)])
+def test_only_who_may_change_the_blueprint_gets_an_editor(
+    visitors: Mapping[str, Page], demo: Site, role: str, *, may_change: bool
+) -> None:
+    page = visitors[role]
+    go(page, f"{demo.base}/settings")
+    page.get_by_role("tab", name="Blueprint").click()
+    expect(page.get_by_role("button", name="Download")).to_be_visible()
+    expect(page.locator(".cm-editor")).to_have_count(may_change)
+    expect(page.get_by_role("button", name="Apply")).to_have_count(may_change)
+    expect(page.get_by_text("[robot]", exact=True).first).to_be_visible()
+
+
 def test_ports_are_as_large_as_a_finger_needs_them(visitors: Mapping[str, Page], demo: Site) -> None:
     page = visitors["teacher"]
     page.set_viewport_size({"width": 390, "height": 844})
