@@ -117,7 +117,8 @@ class _Planted:
                         page.translate("Show the answers"), icon="visibility", on_click=self._look
                     )
                     self._answers.props("flat dense")
-                    ui.button(page.translate("End all"), icon="healing", on_click=self._end_all).props("flat dense")
+                    self._all = ui.button(page.translate("End all"), icon="healing", on_click=self._end_all)
+                    self._all.props("flat dense")
             self._list = ui.column().classes("w-full").style("gap:0")
         page.every_look(self._show)
 
@@ -154,6 +155,7 @@ class _Planted:
         planted = self._page.service.operations.faults.listed()
         seen: list[object] = [(fault["number"], fault["words"]) for fault in planted]
         self._answers.set_visibility(any("concealed" in fault for fault in planted))
+        self._all.set_visibility(bool(planted))
         if seen != self._seen:
             self._seen = seen
             self._list.clear()
