@@ -384,7 +384,7 @@ class ClassController:
         check_program(name, source)
         number = await self._shelf.store(pupil, name, source)
         return ChangeResult(
-            words=said("{name} of {pupil} is kept, version {number}", name=name, pupil=pupil, number=number)
+            words=said("{name} of {pupil} is saved, version {number}", name=name, pupil=pupil, number=number)
         )
 
     async def _blocks_of(self, pupil: str, name: str) -> str:

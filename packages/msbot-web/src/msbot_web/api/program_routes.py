@@ -101,7 +101,7 @@ def add_programs(router: APIRouter, service: Service) -> None:
     async def keep(session: SignedIn, name: FileName, program: ProgramText) -> ChangeResult:
         """Keep a program, as a new version if it has changed."""
         number = await programs.store(session, name, ProgramSource(program.text, program.blocks))
-        return ChangeResult(words=said("{name} is kept, version {number}.", name=name, number=number))
+        return ChangeResult(words=said("{name} is saved, version {number}.", name=name, number=number))
 
     @router.delete("/programs/{name}")
     async def remove(session: SignedIn, name: FileName) -> ChangeResult:

@@ -93,7 +93,7 @@ class _People:
         def change(role: str) -> None:
             if role == user.role:
                 return
-            words = say("Make {name} {role}?", name=user.name, role=say(role))
+            words = say("Give {name} the role {role}?", name=user.name, role=say(role))
             ask_first(page, words, lambda: page.do(lambda session: service.change_role(session, user.name, role)), back)
 
         def back() -> None:
@@ -189,7 +189,7 @@ def _ask_password(page: Page, name: str) -> None:
                 dialog.close()
 
         with ui.element("div").classes("row"):
-            ui.button(say("Keep"), on_click=keep)
+            ui.button(say("Save"), on_click=keep)
             ui.button(say("Cancel"), on_click=dialog.close).props("flat")
     show_dialog(dialog)
 

@@ -108,7 +108,7 @@ class CardPanel:
                 await self.show()
 
         with ui.element("div").classes("row").style("margin-top:.8rem"):
-            ui.button(say("Keep"), on_click=keep)
+            ui.button(say("Save"), on_click=keep)
             ui.button(say("Restart the computer"), icon="restart_alt", on_click=self._ask_restart).props("flat")
         ui.label(say("A hat, I2C and a version take effect with a restart; a name and a Wi-Fi at once.")).classes(
             "soft"

@@ -130,11 +130,11 @@ class _ProgramPage:
         say = self._page.translate
         board = ui.button(say("Put on a board"), icon="usb", on_click=self._keep_if_changed).props("flat")
         board.on("click", js_handler="() => msbotProgram.showBoard()")
-        keep = ui.button(say("Keep"), icon="save", on_click=self._keep_now).props("flat")
+        keep = ui.button(say("Save"), icon="save", on_click=self._keep_now).props("flat")
         with ui.button(icon="more_vert").props(f'flat dense aria-label="{say("More")}"') as more, ui.menu():
             menu_item(say("New program"), self._new)
             menu_item(say("New program of blocks"), self._new_blocks)
-            menu_item(say("Keep as …"), self._keep_as)
+            menu_item(say("Save as …"), self._keep_as)
             menu_item(say("Earlier versions"), self._versions)
             menu_item(say("Share, or open on a phone"), self._share)
             menu_item(say("A phone as a part"), self._phone)
@@ -226,7 +226,7 @@ class _ProgramPage:
         async def deed(session: Session) -> ChangeResult:
             number = await self._deeds.store(session, name, source)
             return ChangeResult(
-                words=self._page.translate("{name} is kept, version {number}.", name=name, number=number)
+                words=self._page.translate("{name} is saved, version {number}.", name=name, number=number)
             )
 
         if await self._page.do(deed, quiet=quiet) is None:
@@ -331,7 +331,7 @@ class _ProgramPage:
                     self._put_in(name, self._editor.value)
                     self._blocks.renamed(name)
 
-            ui.button(say("Keep"), on_click=keep)
+            ui.button(say("Save"), on_click=keep)
         show_dialog(dialog)
 
     async def _versions(self) -> None:

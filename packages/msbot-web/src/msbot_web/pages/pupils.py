@@ -312,7 +312,7 @@ def _edit_group(page: Page, name: str) -> None:
                 dialog.close()
 
         with ui.element("div").classes("row"):
-            ui.button(say("Keep"), on_click=keep)
+            ui.button(say("Save"), on_click=keep)
             ui.button(say("Cancel"), on_click=dialog.close).props("flat")
     show_dialog(dialog)
 

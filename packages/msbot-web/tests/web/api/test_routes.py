@@ -350,7 +350,7 @@ def test_programs_are_kept_by_person_and_version(site: Site) -> None:
     for text in ("print(1)\n", "print(2)\n", "print(2)\n"):
         done = site.ask("PUT", "/api/programs/mine.py", role="student", json={"text": text})
         assert done.status_code == 200, done.text
-    assert done.json()["words"] == "mine.py is kept, version 2."
+    assert done.json()["words"] == "mine.py is saved, version 2."
     assert [one["name"] for one in site.ask("GET", "/api/programs", role="student").json()] == ["mine.py"]
     assert site.ask("GET", "/api/programs", role="teacher").json() == []
     for query, text in (("", "print(2)\n"), ("?version=1", "print(1)\n")):

@@ -426,8 +426,8 @@ def test_from_blocks_to_python_and_back_and_all_of_it_kept(desk: Pupil, child: B
     page.wait_for_function(f"{TEXT}.includes('print(\"hello\")')")
     made = page.evaluate(TEXT)
     assert page.locator(".cm-content").get_attribute("contenteditable") == "false"
-    page.get_by_role("button", name="Keep", exact=True).click()
-    told(page, "is kept, version")
+    page.get_by_role("button", name="Save", exact=True).click()
+    told(page, "is saved, version")
     address = page.url
     again = child.new_page()
     go(again, address)
@@ -538,8 +538,8 @@ def test_blocks_that_cannot_be_shown_leave_their_python(desk: Pupil, track: Site
         go(page, f"{track.base}/program?name={name}")
         told(page, sentence)
         assert page.evaluate(TEXT) == "print(1)\n"
-        page.get_by_role("button", name="Keep", exact=True).click()
-        told(page, f"{name} is kept, version")
+        page.get_by_role("button", name="Save", exact=True).click()
+        told(page, f"{name} is saved, version")
         assert desk.kept(name) == {"text": "print(1)\n", "blocks": kept}, "and the blocks are as they were"
 
 

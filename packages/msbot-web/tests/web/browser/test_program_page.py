@@ -299,8 +299,8 @@ def test_a_program_is_kept_by_version_and_shared(open_desk: Callable[..., Page],
     page.get_by_text("New program", exact=True).click()
     expect(page.locator(".ms-prog-choice")).to_contain_text("program1.py")
     write(page, "print('first')\n")
-    press(page, "Keep")
-    told(page, "program1.py is kept, version 2.")
+    press(page, "Save")
+    told(page, "program1.py is saved, version 2.")
     write(page, "print('second')\n")
     press(page, "Run")
     expect_said(page, "second")
@@ -357,8 +357,8 @@ def test_what_is_typed_stays_while_lines_are_marked(open_desk: Callable[..., Pag
         written += letter * 100
         expect(page.locator(".cm-line.ms-wrong-line")).to_have_count(line)
     assert page.evaluate(TEXT) == written
-    page.get_by_role("button", name="Keep", exact=True).click()
-    told(page, "is kept, version")
+    page.get_by_role("button", name="Save", exact=True).click()
+    told(page, "is saved, version")
     assert kept(page) == written, "and the robot has the same"
 
 
@@ -384,8 +384,8 @@ def test_what_is_typed_while_the_robot_is_out_of_reach_is_kept_as_it_was_typed(o
     page.wait_for_function("socket.connected")
     page.keyboard.press("Control+Home")
     page.keyboard.insert_text("zero = 0\n")
-    press(page, "Keep")
-    told(page, "is kept, version")
+    press(page, "Save")
+    told(page, "is saved, version")
     assert kept(page) == "zero = 0\none = 1\ntwo = 2\n"
     # Without Keep: a page is made anew before the server keeps what was typed into the one before.
     page.locator(".cm-content").click()
@@ -401,8 +401,8 @@ def test_what_is_typed_while_the_robot_is_out_of_reach_is_kept_as_it_was_typed(o
     page.keyboard.insert_text("three = 3\n")
     page.wait_for_function(f"!window.isOld && window.did_handshake && {TEXT}.endsWith('two = 2\\nthree = 3\\n')")
     told(page, "What you typed while the robot was out of reach is here again.")
-    press(page, "Keep")
-    told(page, "is kept, version")
+    press(page, "Save")
+    told(page, "is saved, version")
     assert kept(page) == "ero = 0\none = 1\ntwo = 2\nthree = 3\n"
 
 

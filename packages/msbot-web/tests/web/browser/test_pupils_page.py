@@ -114,7 +114,7 @@ def test_a_program_runs_is_frozen_taken_over_and_handed_back(site: Site, teacher
     expect(teacher.locator(".cm-content")).to_contain_text("percent=40")
     teacher.get_by_role("button", name="Take over").click()
     expect(strip).to_contain_text("Novak has taken over")
-    for name in ("Run", "Keep", "More"):
+    for name in ("Run", "Save", "More"):
         expect(pupil.get_by_role("button", name=name, exact=True)).to_be_disabled()
     can_write(teacher)
     readable(teacher)
