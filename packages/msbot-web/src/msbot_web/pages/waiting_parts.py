@@ -147,7 +147,7 @@ class _Card:
                 say=page.translate,
                 part=parts_for(page.session, [part])[0],
                 chip=state_chip(part.state, page.translate(part.state)),
-                is_unknown=part.refusal == "unknown_part",
+                is_unknown=part.refusal == "unknown_part" and page.may(Right.DESIGN),
             ),
         )
         is_checked = part.says is not None and part.says.checked
