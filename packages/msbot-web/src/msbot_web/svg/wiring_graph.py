@@ -277,7 +277,9 @@ def _port_words(port: WirePort, language: Language) -> str:
             "{port}: serves {topic}" if port.publishes else "{port}: calls {topic}", port=end, topic=port.topic
         )
     return language.translate(
-        "{port}: publishes on {topic}" if port.publishes else "{port}: subscribes to {topic}", port=end, topic=port.topic
+        "{port}: publishes on {topic}" if port.publishes else "{port}: subscribes to {topic}",
+        port=end,
+        topic=port.topic,
     )
 
 
