@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import asyncio
+import os
+import socket
 import time
+from asyncio import selector_events
 
 import pytest
 
 from msbot_agent.process.end_signals import run_to_end
-from msbot_agent.process.timer_grid import EARLY_S, STEPS, TimerGridLoop, first_time, on_grid
+from msbot_agent.process.timer_grid import EARLY_S, MOST_READ, STEPS, TimerGridLoop, first_time, on_grid
 
 FAR_S, NEAR_S = STEPS[0][1], STEPS[-1][1]
 
@@ -55,6 +58,28 @@ def test_the_loop_rounds_its_timers_and_begins_circles_on_the_grid() -> None:
         assert time.monotonic() - began >= 0.05 - EARLY_S
 
     run_to_end(main(), TimerGridLoop)
+
+
+def test_a_connection_makes_no_room_that_the_kernel_has_to_give_and_take_for_each_message() -> None:
+    async def main() -> None:
+        ours, theirs = socket.socketpair()
+        with theirs:
+            reader, writer = await asyncio.open_connection(sock=ours)
+            assert vars(writer.transport)["max_size"] == MOST_READ < 128 * 1024 < asyncio_default()
+            whole = os.urandom(3 * MOST_READ)
+            sending = asyncio.to_thread(theirs.sendall, whole)
+            read, _ = await asyncio.gather(reader.readexactly(len(whole)), sending)
+            assert read == whole
+            writer.close()
+
+    run_to_end(main(), TimerGridLoop)
+
+
+def asyncio_default() -> int:
+    """What asyncio makes room for by itself."""
+    size = vars(selector_events._SelectorTransport)["max_size"]
+    assert isinstance(size, int)
+    return size
 
 
 def test_any_other_loop_begins_circles_at_once() -> None:

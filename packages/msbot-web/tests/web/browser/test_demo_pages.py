@@ -212,12 +212,17 @@ def test_two_browsers_see_the_same_change_and_one_chooses_a_language(browser: Br
     other = new_page(browser)
     other.goto(demo.link)
     page.get_by_role("button", name="Unplug horn").click()
+    entry = page.get_by_role("navigation").get_by_role("link", name="Robot", exact=False).first
+    expect(entry.locator(".count")).to_be_hidden()
     for visitor in (page, other):
         expect(visitor.get_by_role("button", name="Open slot horn")).to_contain_text("lost")
+    expect(entry.locator(".count")).to_have_text("1")
+    expect(entry.locator(".count")).to_be_visible()
     other.get_by_role("button", name="Plug horn in").press("Enter")  # what says the loss lies over it for a while
     for visitor in (page, other):
         expect(visitor.get_by_role("button", name="Open slot horn")).to_contain_text("active")
         expect(visitor.get_by_role("button", name="Unplug horn")).to_be_visible()
+    expect(entry.locator(".count")).to_be_hidden()
     # Who is there chooses a language, which is kept.
     other.get_by_role("button", name="You").click()
     other.get_by_text("Deutsch").click()
