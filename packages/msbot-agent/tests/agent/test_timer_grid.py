@@ -77,7 +77,7 @@ def test_a_connection_makes_no_room_that_the_kernel_has_to_give_and_take_for_eac
 
 def asyncio_default() -> int:
     """What asyncio makes room for by itself."""
-    size = vars(selector_events._SelectorTransport)["max_size"]
+    size = vars(vars(selector_events)["_SelectorTransport"])["max_size"]
     assert isinstance(size, int)
     return size
 
