@@ -19,6 +19,7 @@ class Host:
     def __init__(self) -> None:
         self.devices = asyncio.Queue[ForeignDevice]()
         self.lost_why = asyncio.Queue[str]()
+        self.warned = asyncio.Queue[str]()
         self.told = asyncio.Event()
         self.said: list[str] = []
         self.saying = asyncio.Queue[str]()
@@ -34,6 +35,9 @@ class Host:
 
     def news(self, device: ForeignDevice) -> None:
         self.told.set()
+
+    def warn(self, device: ForeignDevice, words: str) -> None:
+        self.warned.put_nowait(words)
 
     def say(self, words: str) -> None:
         self.said.append(words)

@@ -18,6 +18,7 @@ class Host:
         self.devices = asyncio.Queue[ForeignDevice]()
         self.lost_why = asyncio.Queue[str]()
         self.said = asyncio.Queue[str]()
+        self.warned = asyncio.Queue[str]()
         self.told = asyncio.Event()
 
     def found(self, device: ForeignDevice) -> None:
@@ -31,6 +32,9 @@ class Host:
 
     def news(self, device: ForeignDevice) -> None:
         self.told.set()
+
+    def warn(self, device: ForeignDevice, words: str) -> None:
+        self.warned.put_nowait(words)
 
     def say(self, words: str) -> None:
         self.said.put_nowait(words)

@@ -61,6 +61,7 @@ class Host:
     def __init__(self) -> None:
         self.devices = asyncio.Queue[ForeignDevice]()
         self.lost_why = asyncio.Queue[str]()
+        self.warned = asyncio.Queue[str]()
         self.told = asyncio.Event()
 
     def found(self, device: ForeignDevice) -> None:
@@ -74,6 +75,9 @@ class Host:
 
     def news(self, device: ForeignDevice) -> None:
         self.told.set()
+
+    def warn(self, device: ForeignDevice, words: str) -> None:
+        self.warned.put_nowait(words)
 
     def say(self, words: str) -> None:
         pass

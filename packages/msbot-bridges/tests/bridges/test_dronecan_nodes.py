@@ -29,15 +29,17 @@ class GenuineNode:
         bus: where it is.
         kind: what it is, a method of this class.
         node_id: None: it asks for one, by the three messages of the protocol.
+        unique: tells it from others.
     """
 
-    def __init__(self, bus: str, kind: str, node_id: int | None) -> None:
+    def __init__(self, bus: str, kind: str, node_id: int | None, unique: bytes = UNIQUE) -> None:
         from msbot_bridges.canbus import open_bus
         from msbot_bridges.dronecan.can_driver import PythonCanDriver
 
         self.power = 0
         """As RawCommand has it."""
         self.is_stuck = False
+        self.index = INDEX
         self.reading = 1
         self.ended = threading.Event()
         self.raw_commands = 0
@@ -45,7 +47,7 @@ class GenuineNode:
         self._report: Callable[[], Any] = getattr(self, f"_{kind}")
         info = self._types.protocol.GetNodeInfo.Response()
         info.name = f"com.acme.{kind}"
-        info.hardware_version.unique_id = UNIQUE
+        info.hardware_version.unique_id = unique
         self._driver = PythonCanDriver(open_bus(bus))
         self.node = dronecan.node.Node(self._driver, node_id, node_info=info, mode=0)
         self.node.add_handler(self._types.equipment.esc.RawCommand, self._ordered)
@@ -92,8 +94,8 @@ class GenuineNode:
             self.node.broadcast(self._report())
 
     def _ordered(self, event: Any) -> None:
-        if len(event.message.cmd) > INDEX and not self.is_stuck:
-            self.power = event.message.cmd[INDEX]
+        if len(event.message.cmd) > self.index and not self.is_stuck:
+            self.power = event.message.cmd[self.index]
             self.raw_commands += 1
 
     def _has_none(self, _event: Any) -> Any:
@@ -101,7 +103,12 @@ class GenuineNode:
 
     def _esc(self) -> Any:
         return self._types.equipment.esc.Status(
-            esc_index=INDEX, rpm=self.power, voltage=12.0, current=1.5, temperature=300.0
+            esc_index=self.index,
+            rpm=self.power,
+            power_rating_pct=round(100 * abs(self.power) / 8191),
+            voltage=12.0,
+            current=1.5,
+            temperature=300.0,
         )
 
     def _range(self) -> Any:

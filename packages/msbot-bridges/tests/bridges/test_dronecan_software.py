@@ -15,14 +15,8 @@ from msbot.config import BridgeTable
 from msbot.part.messages.standard import Text, Trigger
 from msbot.pnp import PartState
 from msbot_bridges.bridge import BridgeLink, ForeignDevice
-from msbot_bridges.canbus.software_update import (
-    MOST_S,
-    PIECE,
-    QUIET_S,
-    ImageFolder,
-    SoftwareUpdate,
-    SoftwareVersion,
-)
+from msbot_bridges.canbus.image_folder import ImageFolder
+from msbot_bridges.canbus.software_update import MOST_S, PIECE, QUIET_S, SoftwareUpdate, SoftwareVersion
 from msbot_bridges.dronecan.world import WORLD
 from msbot_xrce.errors import CallError, ConfigError
 from tests.bridges.hosts import Host, Reports, in_thread, running
@@ -179,6 +173,32 @@ def test_a_node_that_starts_before_it_has_read_all_and_a_boot_loader_with_an_err
     ill.read(2 * PIECE, 1.0)
     ill.reports(is_ill=True)
     assert ill.outcome == "node 7 has read x.bin, and does not take it: its boot loader reports an error"
+
+
+async def test_images_are_those_seen_last_and_reading_one_looks_again(tmp_path: Path) -> None:
+    folder = tmp_path / "images"
+    folder.mkdir()
+    images = ImageFolder(folder)
+    async with images.watched():
+        with pytest.raises(ConfigError, match='no image "a.bin"; there are: none'):
+            images.check("a.bin")
+        (folder / "a.bin").write_bytes(b"x")
+        (folder / ".hidden").write_bytes(b"x")
+        with pytest.raises(ConfigError, match='no image "a.bin"'):
+            images.check("a.bin")  # it does not wait for the disk
+        assert await asyncio.to_thread(images.read, "a.bin") == b"x"
+        images.check("a.bin")
+        (folder / "b.bin").write_bytes(b"y")
+        while True:  # it is looked at again by itself
+            try:
+                images.check("b.bin")
+                break
+            except ConfigError as error:
+                assert "there are: a.bin" in str(error)  # noqa: PT017 - until it is seen
+                await asyncio.sleep(0.05)
+    folder.rename(tmp_path / "gone")
+    with pytest.raises(ConfigError, match="cannot be read"):
+        images.read("a.bin")
 
 
 def test_a_folder_that_is_not_there_is_refused(tmp_path: Path) -> None:

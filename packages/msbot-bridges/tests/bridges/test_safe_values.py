@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from msbot.config import BridgeTable
-from msbot.part.messages.standard import Angle, Colour, Level, Speed
+from msbot.part.messages.standard import Angle, Colour, Level, Speed, Tone
 from msbot.pnp import PartState
 from msbot_bridges.bridge import DeviceIdentity
 from msbot_bridges.jacdac.jacdac_bus import JacdacBus
@@ -22,7 +22,7 @@ from tests.bridges.test_every_world import PUMP, robot_with
 from tests.bridges.test_jacdac_frames import found
 from tests.bridges.test_mqtt_settings import ADOPTED, LAMP, is_in, plugged
 
-SERVO, LAMP_SERVICE, LEDS = 0x12FC9103, 0x1CAB054C, 0x1609D4F0
+SERVO, LAMP_SERVICE, LEDS, MOTOR, BUZZER = 0x12FC9103, 0x1CAB054C, 0x1609D4F0, 0x17004CD8, 0x1B57B1D7
 
 
 def pump() -> tuple[ModbusDevice, list[tuple[str, float]]]:
@@ -53,23 +53,59 @@ def test_modbus_writes_it_and_waits_until_it_is_read_back() -> None:
     assert written[-1] == ("speed", 100), "somebody else has written it"
 
 
-def test_a_lamp_of_jacdac_keeps_it_and_a_servo_has_no_power_all_the_same() -> None:
+def test_modules_of_jacdac_keep_it_with_power() -> None:
     bus = JacdacBus()
-    module = found(bus, LAMP_SERVICE, SERVO).module
+    module = found(bus, LAMP_SERVICE, SERVO, MOTOR).module
     device = ModuleDevice(module, lambda: None, lambda _: None)
     device.safe_is("brightness", Level(percent=20))
     device.safe_is("angle", Angle(degrees=90))
+    device.safe_is("power", Level(percent=50))
     device.stop()
-    dim = round(0.2 * 0x10000).to_bytes(2, "little")
-    assert module.kept == {(1, INTENSITY): dim, (2, INTENSITY): b"\0"}
+    dim, right = round(0.2 * 0x10000).to_bytes(2, "little"), (90 << 16).to_bytes(4, "little")
+    half = (0x4000).to_bytes(2, "little")
+    on = {(2, INTENSITY): b"\1", (3, INTENSITY): b"\1"}
+    assert module.kept == {(1, INTENSITY): dim, (2, VALUE): right, (3, VALUE): half, **on}
     assert device.not_stopped == "brightness has not reported its safe value"
     device.heard(1, INTENSITY, 0, dim)
-    assert device.not_stopped == "angle has not reported that its power is off"
-    device.heard(2, INTENSITY, 0, b"\0")
+    device.heard(2, INTENSITY, 0, b"\1")
+    assert device.not_stopped == "angle has not reported its safe value"
+    device.heard(2, VALUE, 0, right)
+    device.heard(3, VALUE, 0, half)
+    device.heard(3, INTENSITY, 0, b"\1")
     assert device.not_stopped == ""
     device.go()
     device.stop()
     assert module.kept[1, INTENSITY] == b"\0\0", "it holds as long as the robot says it"
+    assert module.kept[2, INTENSITY] == module.kept[3, INTENSITY] == b"\0"
+
+
+def test_without_a_value_of_the_robot_modules_of_jacdac_have_no_power() -> None:
+    module = found(JacdacBus(), MOTOR, BUZZER).module
+    device = ModuleDevice(module, lambda: None, lambda _: None)
+    device.safe_is("power", Level(percent=0))  # the module's own
+    device.safe_is("tone", Tone(hertz=440, seconds=1))
+    device.stop()
+    assert module.kept == {(1, VALUE): b"\0\0", (1, INTENSITY): b"\0", (2, INTENSITY): b"\0"}, "a tone does not last"
+
+
+def test_a_module_of_jacdac_that_left_during_stop_is_driven_when_it_comes_back() -> None:
+    module = found(JacdacBus(), SERVO).module
+    device = ModuleDevice(module, lambda: None, lambda _: None)
+    device.stop()
+    device.end()
+    device.begin(lambda _port, _message: None)
+    device.act("angle", Angle(degrees=45))
+    assert module.kept[1, INTENSITY] == b"\1"
+
+
+def test_a_partner_that_is_gone_leaves_a_module_of_jacdac_with_it() -> None:
+    module = found(JacdacBus(), SERVO, MOTOR).module
+    device = ModuleDevice(module, lambda: None, lambda _: None)
+    device.act("power", Level(percent=90))
+    device.rests_at("angle", Angle(degrees=90))
+    device.rest()
+    assert module.kept[1, VALUE] == (90 << 16).to_bytes(4, "little")
+    assert (module.kept[1, INTENSITY], module.kept[2, INTENSITY]) == (b"\1", b"\0")
 
 
 def test_a_module_of_jacdac_is_driven_again_when_its_partner_is_back() -> None:

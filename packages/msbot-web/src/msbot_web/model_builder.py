@@ -288,6 +288,7 @@ class ModelBuilder:
                 value=value,
                 unit="" if port.message is None else port.message.units.get(field, ""),
                 origin="blueprint" if field in found.safe.get(port.name, {}) else "library",
+                stops_by=port.stops_by,
             )
             for port in part_type.ports
             for field, value in found.safe_at(port).items()

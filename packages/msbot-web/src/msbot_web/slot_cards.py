@@ -261,6 +261,8 @@ def _says_port(port: Port) -> PortDeclaration:
     message = port.message
     fields = [] if message is None else [_says_field(port, message, name) for name in message.fields]
     safe = ", ".join(f"{name} = {scalar_text(value)}" for name, value in (port.safe or {}).items())
+    if port.stops_by:
+        safe = f"{safe} (STOP: {port.stops_by})".lstrip()
     return PortDeclaration(
         name=port.name,
         direction=port.direction.value,

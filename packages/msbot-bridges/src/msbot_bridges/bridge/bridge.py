@@ -139,6 +139,13 @@ class Bridge:
         if one is not None and one.bridged.device is device:
             one.bridged.news()
 
+    def warn(self, device: ForeignDevice, words: str) -> None:
+        """See `WorldHost`."""
+        one = self._running.get(device.identity.uid)
+        if one is not None and one.bridged.device is device:
+            _log.warning("%s: %s", one.bridged.name, words)
+            one.bridged.part.log(words, level="warning")
+
     def say(self, words: str) -> None:
         """See `WorldHost`."""
         _log.info("%s", words)

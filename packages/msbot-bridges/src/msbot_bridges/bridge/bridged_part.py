@@ -51,6 +51,8 @@ class BridgedPart:
         part_made(self.part)
         self._was_in = False
         """The inventory has registered the device, so that it may be told something."""
+        self._driven = set[str]()
+        """Ports that got something else than their safe value last."""
         self._is_over = asyncio.Event()
         self._changed = asyncio.Event()
         self._again: asyncio.TimerHandle | None = None
@@ -79,6 +81,8 @@ class BridgedPart:
             part.publishes(output.name, output.message)
         for one in device.inputs:
             part.on(one.name, one.message, safe=one.safe, ranges=one.ranges, optional=True)(self._acting(one.name))
+            if one.stops_by:
+                part.program.stops_by[one.name] = one.stops_by
         for service in device.services:
             part.serves(service.name, service.request, service.reply, optional=True)(self._serving(service.name))
         for setting in device.settings:
@@ -172,7 +176,11 @@ class BridgedPart:
                 return
             if self.part.stopped:  # during STOP nothing else comes than safe values
                 self.device.safe_is(port, message)
+            elif message is self.part.safe_value(port):  # the part itself hands it over: its partner or master is gone
+                self._driven.discard(port)
+                self.device.rests_at(port, message)
             else:
+                self._driven.add(port)
                 self.device.act(port, message)
 
         return act
@@ -214,6 +222,8 @@ class BridgedPart:
         if not self._may_be_told():
             return
         if not self.part.stopped:
+            if self.part.state is not JoinState.ACTIVE:
+                self._let_go()
             self.device.rest()
             return
         self.device.stop()
@@ -221,6 +231,13 @@ class BridgedPart:
             if self._again is None:
                 self._again = asyncio.get_running_loop().call_later(AGAIN_S, self._stop_again)
             raise NotSafeYet(why)
+
+    def _let_go(self) -> None:
+        """The part leaves: ports that a person drove without a wire, of which the robot says nothing, are safe, too."""
+        for one in self.device.inputs:
+            if one.name in self._driven and one.safe is not None:
+                self.device.rests_at(one.name, one.safe)
+        self._driven.clear()
 
     def _stop_again(self) -> None:
         self._again = None

@@ -95,6 +95,8 @@ class Input:
     """The value when nobody is in command; None: it keeps what it has."""
     ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     """The least and the greatest value of fields."""
+    stops_by: str = ""
+    """What STOP does there instead of the safe value, as that world's manuals name it; empty: nothing else."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,8 +155,13 @@ class ForeignDevice(ABC):
         """Its slot has this value for a setting; also before `begin`, once for each."""
 
     def safe_is(self, port: str, message: Message) -> None:
-        """STOP comes: this is the safe value that the robot's library has for a wired port. Obeyed like `act`, unless
-        the device's own `stop` makes use of it."""
+        """STOP comes: this is the safe value that the robot has for a port, by its library or the slot. Obeyed like
+        `act`, unless the device's own `stop` makes use of it."""
+        self.act(port, message)
+
+    def rests_at(self, port: str, message: Message) -> None:
+        """Nobody is in command of a port, and no STOP holds: this is its safe value, as with `safe_is`. Obeyed like
+        `act`, unless the device's own `rest` makes use of it."""
         self.act(port, message)
 
     @abstractmethod
@@ -164,7 +171,8 @@ class ForeignDevice(ABC):
     def rest(self) -> None:
         """Nobody is in command, and no STOP holds: a port's partner or the master is gone. Obey the next `act` again.
 
-        The safe values of the ports concerned have come by `act` before. Does what `stop` does, unless told otherwise.
+        The safe values of the ports concerned have come by `rests_at` before. Does what `stop` does, unless told
+        otherwise.
         """
         self.stop()
 
@@ -216,6 +224,9 @@ class WorldHost(Protocol):
 
     def news(self, device: ForeignDevice) -> None:
         """It has reported something: whether it has stopped, or a fault."""
+
+    def warn(self, device: ForeignDevice, words: str) -> None:
+        """It is in the robot, and something is wrong with it that does not take it out: for the robot's log."""
 
     def say(self, words: str) -> None:
         """One line for the person who runs the bridge."""

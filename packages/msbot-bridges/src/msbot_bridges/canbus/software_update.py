@@ -1,4 +1,4 @@
-"""New software for a node: which images there are, and how far a node is with one. Pure but for reading the folder.
+"""New software for a node: how far a node is with an image. Pure.
 
 The bridge tells the node the name of an image; the node reads it piece by piece (`uavcan.protocol.file.Read`), mostly
 from its boot loader, and starts again. It is done when the node runs again, and says which software it has.
@@ -6,18 +6,12 @@ from its boot loader, and starts again. It is done when the node runs again, and
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Final
 
-from msbot_xrce.errors import ConfigError
 from msbot_xrce.lazy import dataclass
 
-MOST_OCTETS: Final = 16 * 1024 * 1024
-"""Of an image."""
 PIECE: Final = 256
 """Octets of an answer; a shorter one says that the image ends."""
-LONGEST_NAME: Final = 80
-MOST_LISTED: Final = 10
 QUIET_S: Final = 30.0
 """A node that has read nothing for so long has given up: erasing its memory takes some seconds."""
 MOST_S: Final = 900.0
@@ -36,55 +30,6 @@ class SoftwareVersion:
     def __str__(self) -> str:
         """For people."""
         return f"{self.major}.{self.minor}" + (f" ({self.commit:08x})" if self.commit else "")
-
-
-class ImageFolder:
-    """The images that a person has put into a folder.
-
-    Args:
-        folder: the folder.
-
-    Raises:
-        ConfigError: there is no such folder.
-    """
-
-    def __init__(self, folder: Path) -> None:
-        if not folder.is_dir():
-            raise ConfigError(f"--option software={folder}: there is no such folder; name one with images for nodes")
-        self._folder = folder
-
-    def names(self) -> list[str]:
-        """The images that there are now."""
-        return sorted(one.name for one in self._folder.iterdir() if one.is_file() and not one.name.startswith("."))
-
-    def check(self, name: str) -> None:
-        """Refuse a name that is none of them.
-
-        Raises:
-            ConfigError: the text says which there are.
-        """
-        names = self.names()
-        if name not in names:
-            known = ", ".join(names[:MOST_LISTED]) + (", ..." if len(names) > MOST_LISTED else "")
-            raise ConfigError(f'there is no image "{name}"; there are: {known or "none"}')
-        if len(name.encode()) > LONGEST_NAME:
-            raise ConfigError(f"the name of the image has more than {LONGEST_NAME} octets; give it a shorter one")
-
-    def read(self, name: str) -> bytes:
-        """The octets of an image; waits for the disk.
-
-        Raises:
-            ConfigError: it is empty, too big, or cannot be read.
-        """
-        self.check(name)
-        try:
-            with (self._folder / name).open("rb") as file:
-                octets = file.read(MOST_OCTETS + 1)
-        except OSError as error:
-            raise ConfigError(f"the image {name} cannot be read ({error.strerror})") from error
-        if not octets or len(octets) > MOST_OCTETS:
-            raise ConfigError(f"the image {name} has no octets, or more than {MOST_OCTETS:,}; no node can take it")
-        return octets
 
 
 class SoftwareUpdate:

@@ -12,7 +12,7 @@ from typing import Final
 from msbot.part import Message
 from msbot.part.messages.standard import Text
 from msbot_bridges.bridge import DeviceService
-from msbot_bridges.canbus.software_update import ImageFolder
+from msbot_bridges.canbus.image_folder import ImageFolder
 from msbot_xrce.errors import CallError, ConfigError
 
 REPLY_S: Final = 0.3

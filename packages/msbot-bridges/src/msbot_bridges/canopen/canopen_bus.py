@@ -17,7 +17,7 @@ from typing import Final
 
 import canopen
 from canopen.network import MessageListener
-from canopen.sdo import SdoAbortedError, SdoCommunicationError
+from canopen.sdo import SdoCommunicationError
 
 import can
 from msbot_bridges.bridge import WorldThread
@@ -28,8 +28,8 @@ from msbot_bridges.canopen.lss import ANSWER_ID, REQUEST_ID
 from msbot_bridges.canopen.node_description import NodeDescription, ask_node
 from msbot_bridges.canopen.objects import Entry
 from msbot_bridges.canopen.pdo_layout import PdoLayout
-from msbot_bridges.canopen.sdo_requests import SdoRefused, SdoRequests
-from msbot_xrce.errors import ConfigError, LinkDown
+from msbot_bridges.canopen.sdo_requests import READ_S, SdoRefused, SdoRequests
+from msbot_xrce.errors import LinkDown
 
 BEAT_S: Final = 0.25
 """Longest period of the bridge's own heartbeat."""
@@ -42,6 +42,8 @@ SYNC_S: Final = 0.1
 """Period of SYNC, while a device in the robot has PDOs that need it and nobody else sends it."""
 OTHER_SYNC_S: Final = 2.0
 """Somebody who has sent no SYNC for so long sends none."""
+MOST_ANSWERS: Final = 16
+"""Answers of one node that wait to be read."""
 _WHO_ARE_YOU: Final = b"\x40\x00\x10\x00\0\0\0\0"
 logging.getLogger("canopen").setLevel(logging.CRITICAL)  # the bridge says what is wrong itself
 _log = logging.getLogger("msbot.part")
@@ -63,6 +65,8 @@ class BridgeNetwork(canopen.Network):  # type: ignore[misc]  # the library has n
     ) -> None:
         super().__init__(bus)
         self.sender = FrameSender(bus)
+        self.unasked = 0
+        """Answers of nodes that nobody has asked for, and that were left out."""
         self.listeners = [_Listener(self, heard, asked)]
 
     def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
@@ -72,6 +76,14 @@ class BridgeNetwork(canopen.Network):  # type: ignore[misc]  # the library has n
             if self.bus is None:
                 raise can.CanOperationError("the bus was left")
             self.sender.send(message)
+
+    def takes(self, can_id: int) -> bool:
+        """Whether there is room for a frame: the library keeps answers that nobody has asked for without end."""
+        node = self.nodes.get(can_id - SDO_ANSWER)
+        if node is None or not isinstance(node, canopen.RemoteNode) or node.sdo.responses.qsize() < MOST_ANSWERS:
+            return True
+        self.unasked += 1
+        return False
 
     def disconnect(self) -> None:
         """See the library; what has ended the bus was told by `check`."""
@@ -92,6 +104,8 @@ class _Listener(MessageListener):  # type: ignore[misc]
     def on_message_received(self, msg: can.Message) -> None:
         if msg.is_extended_id:
             return  # 29 bits: DroneCAN, Cyphal, MsBOT's own
+        if not self.network.takes(msg.arbitration_id):
+            return
         super().on_message_received(msg)
         if msg.is_error_frame:
             return
@@ -120,6 +134,10 @@ class CanopenBus:
         self._synchronous = set[int]()
         """Nodes with PDOs that need SYNC."""
         self._other_sync_at = -OTHER_SYNC_S
+        self._ordered = 0
+        """PDOs so far."""
+        self._overruled = dict[int, int]()
+        """The newest urgent one of them, by identifier; those before it are old."""
         self._beat_at = self._sync_at = 0.0
         self._random = Random()
         self._orders = WorldThread(f"CANopen on {address}")
@@ -156,8 +174,16 @@ class CanopenBus:
     # Orders, from the event loop
 
     def send(self, layout: PdoLayout, data: bytes, *, urgent: bool = False) -> None:
-        """See `NodeBus`."""
-        self._post(layout.cob_id, data, urgent=urgent)
+        """See `NodeBus`; what waits there already is not sent after what is urgent."""
+        number = self._ordered = self._ordered + 1
+        if urgent:
+            self._overruled[layout.cob_id] = number
+
+        def send() -> None:
+            if self._network is not None and number >= self._overruled.get(layout.cob_id, 0):
+                self._network.send_message(layout.cob_id, data)
+
+        self._orders.post(send, urgent=urgent)
 
     def command(self, node_id: int, command: int, *, urgent: bool = False) -> None:
         """See `NodeBus`."""
@@ -207,7 +233,7 @@ class CanopenBus:
         def ask() -> None:
             try:
                 found = ask_node(self._node(node_id), self._folder)
-            except (SdoCommunicationError, SdoAbortedError, SdoRefused, ConfigError, can.CanError) as error:
+            except Exception as error:  # the library raises whatever it stumbles over in what a node answers
                 found = f"node {node_id} cannot be asked who it is: {error}"
             self._newcomers.tell(partial(then, found))
 
@@ -231,7 +257,7 @@ class CanopenBus:
                 set_up = device.configure(ask)
                 if set_up.is_synchronous:
                     ask.expect_sync()
-            except (SdoCommunicationError, SdoRefused, can.CanError) as error:
+            except Exception as error:  # as in `describe`
                 words = f"node {device.node_id} cannot be set up: {error}"
                 self._questions.tell(partial(device.failed, words))
             else:
@@ -248,7 +274,7 @@ class CanopenBus:
         def read() -> None:
             values = dict[Entry, int]()
             try:
-                ask = SdoRequests(self._node(device.node_id))
+                ask = SdoRequests(self._node(device.node_id), READ_S)
                 values = {entry: value for entry in entries if (value := ask.number(entry)) is not None}
             except (SdoCommunicationError, SdoRefused, can.CanError) as error:
                 _log.debug("%s: %s", self._address, error)  # it is asked again, or found to be lost

@@ -39,6 +39,8 @@ LSS_FIRST_S: Final = 1.0
 LSS_S: Final = 3.0
 """So often devices without a node id are searched for."""
 MOST_ANSWERS: Final = 200
+MOST_TOLD: Final = 3
+"""Sentences about one node of which no part can be made: its answers may be others each time."""
 BOOT_UP: Final = 0
 
 
@@ -58,8 +60,6 @@ class _Node:
         self.is_guarded = False
         """It sends no heartbeat, and has answered when it was asked for its state."""
         self.device: CanopenDevice | None = None
-        self.told = ""
-        """Why no part is made of it, as was said."""
 
     @property
     def beat_s(self) -> float:
@@ -82,6 +82,8 @@ class CanopenWorld(World):
         self._ids = LssNodeIds()
         self._lss_answers = asyncio.Queue[bytes](MOST_ANSWERS)
         self._lss_trouble = ""
+        self._told = dict[int, list[str]]()
+        """Why no part is made of a node, as was said since it was one."""
 
     async def run(self, host: WorldHost) -> None:
         """See `World`."""
@@ -208,10 +210,12 @@ class CanopenWorld(World):
             node.has_answered = False
             node.ask_at = self._loop.time() + node.pause_s
             node.pause_s = min(2 * node.pause_s, LONGEST_PAUSE_S)
-            if found != node.told:
-                node.told = found
+            told = self._told.setdefault(node.node_id, [])
+            if found not in told and len(told) < MOST_TOLD:
+                told.append(found)
                 self._host.say(found)
             return
+        self._told.pop(node.node_id, None)
         make = MappedDevice if found.drive is None else DriveDevice
         node.device = make(found, self._bus, self._host.news)
         if found.left_out:

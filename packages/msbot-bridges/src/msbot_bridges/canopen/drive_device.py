@@ -22,6 +22,13 @@ REPORTS_FOR_AN_ORDER: Final = 5
 STANDS_RPM: Final = 1.0
 _TARGET_REACHED: Final = 1 << 10
 """In QUICK STOP ACTIVE this bit of the statusword says that the motor stands."""
+QUICK_STOP: Final = "quick stop"
+"""What STOP does, whatever a slot's safe values are."""
+_PORTS: Final = {
+    objects.PROFILE_VELOCITY: "speed",
+    objects.PROFILE_POSITION: "angle",
+    objects.PROFILE_TORQUE: "torque",
+}
 _TARGETS: Final = {
     objects.PROFILE_VELOCITY: objects.TARGET_VELOCITY,
     objects.PROFILE_POSITION: objects.TARGET_POSITION,
@@ -52,6 +59,8 @@ class DriveDevice(CanopenDevice):
         self._wants_power = False
         self._rests = False
         """Nobody is in command: it has stopped, and waits for the next order."""
+        self._rests_at = dict[int, Message]()
+        """What the slot has it do then, by mode, where that is not to stop."""
         self._state: DriveState | None = None
         self._statusword = 0
         self._velocity: int | None = None
@@ -84,20 +93,13 @@ class DriveDevice(CanopenDevice):
         return SetUp(tuple(reports), tuple(orders), period)
 
     def end(self) -> None:
-        """See `ForeignDevice`."""
-        self._forget_orders()
+        """See `ForeignDevice`: nobody would stop it later, so quick stop comes whatever its slot says."""
+        self._stop_quickly()
         super().end()
 
     def act(self, port: str, message: Message) -> None:
         """See `ForeignDevice`."""
-        if isinstance(message, Speed):
-            mode, target = objects.PROFILE_VELOCITY, round(message.rpm / self._facts.rpm)
-        elif isinstance(message, Level):
-            mode, target = objects.PROFILE_TORQUE, round(message.percent / objects.THOUSANDTH)
-        else:
-            assert isinstance(message, Angle), port
-            assert self._facts.degrees is not None
-            mode, target = objects.PROFILE_POSITION, round(message.degrees / self._facts.degrees)
+        mode, target = self._target(port, message)
         entry = _TARGETS[mode]
         if mode == objects.PROFILE_POSITION and (self._targets.get(entry) != target or self._mode != mode):
             self._set_points.new()
@@ -105,8 +107,35 @@ class DriveDevice(CanopenDevice):
         self._wants_power, self._rests = True, False
         self._drive()
 
+    def safe_is(self, port: str, message: Message) -> None:
+        """See `ForeignDevice`: at STOP comes quick stop, which ends every target."""
+
+    def rests_at(self, port: str, message: Message) -> None:
+        """See `ForeignDevice`: to stand is quick stop; the slot may say something else."""
+        own = next(one for one in self.inputs if one.name == port)
+        if message != own.safe:
+            self._rests_at[self._target(port, message)[0]] = message
+
     def rest(self) -> None:
         """See `ForeignDevice`."""
+        message = self._rests_at.get(self._mode)
+        self._rests_at.clear()
+        if message is None:
+            self._stop_quickly()
+        else:
+            self.act(_PORTS[self._mode], message)
+
+    def _target(self, port: str, message: Message) -> tuple[int, int]:
+        """The mode of operation for a message, and its target in the drive's units."""
+        if isinstance(message, Speed):
+            return objects.PROFILE_VELOCITY, round(message.rpm / self._facts.rpm)
+        if isinstance(message, Level):
+            return objects.PROFILE_TORQUE, round(message.percent / objects.THOUSANDTH)
+        assert isinstance(message, Angle), port
+        assert self._facts.degrees is not None
+        return objects.PROFILE_POSITION, round(message.degrees / self._facts.degrees)
+
+    def _stop_quickly(self) -> None:
         self._forget_orders()
         self._rests = True
         self._drive(urgent=True)
@@ -206,9 +235,10 @@ class DriveDevice(CanopenDevice):
 
 
 def _input(mode: int, most_torque: float | None) -> Input:
+    port = _PORTS[mode]
     if mode == objects.PROFILE_TORQUE:
         ranges = {} if most_torque is None else {"percent": (-most_torque, most_torque)}
-        return Input("torque", Level, safe=Level(percent=0), ranges=ranges)
+        return Input(port, Level, safe=Level(percent=0), ranges=ranges, stops_by=QUICK_STOP)
     if mode == objects.PROFILE_VELOCITY:
-        return Input("speed", Speed, safe=Speed(rpm=0))
-    return Input("angle", Angle)
+        return Input(port, Speed, safe=Speed(rpm=0), stops_by=QUICK_STOP)
+    return Input(port, Angle, stops_by=QUICK_STOP)

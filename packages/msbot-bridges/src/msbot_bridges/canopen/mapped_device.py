@@ -30,14 +30,16 @@ class MappedDevice(CanopenDevice):
         self.inputs = tuple(Input(one.port, one.message, safe=one.safe) for one in description.told)
         self._values = dict[Entry, int]()
         """What each of its outputs is to have."""
-        self._reported = dict[Entry, int]()
+        self._stated = dict[str, Message]()
+        """Safe values of ports that the robot has said with this STOP."""
         self._safe = self._safe_values()
 
     def _safe_values(self) -> dict[Entry, int]:
+        """What STOP leaves its outputs with."""
         safe = dict[Entry, int]()
-        for one in self._told.values():
-            if one.safe is not None:
-                safe[one.entry] = one.to_value(one.safe, safe.get(one.entry, 0))
+        for port, one in self._told.items():
+            if (message := self._stated.get(port, one.safe)) is not None:
+                safe[one.entry] = one.to_value(message, safe.get(one.entry, 0))
         return safe
 
     def configure(self, ask: SdoRequests) -> SetUp:
@@ -50,6 +52,11 @@ class MappedDevice(CanopenDevice):
             ask.write_if_there(objects.ANALOGUE_INTERRUPTS, 1)
         return SetUp(_map(ask, heard, is_sent=True), _map(ask, told, is_sent=False), period)
 
+    def end(self) -> None:
+        """See `ForeignDevice`."""
+        self._stated.clear()
+        super().end()
+
     def act(self, port: str, message: Message) -> None:
         """See `ForeignDevice`."""
         mapping = self._told[port]
@@ -59,6 +66,20 @@ class MappedDevice(CanopenDevice):
 
     def rest(self) -> None:
         """See `ForeignDevice`; each port has got its safe value."""
+
+    def safe_is(self, port: str, message: Message) -> None:
+        """See `ForeignDevice`: `stop` writes it, and waits until it is read back."""
+        self._stated[port] = message
+
+    def stop(self) -> None:
+        """See `ForeignDevice`."""
+        self._safe = self._safe_values()
+        super().stop()
+
+    def go(self) -> None:
+        """See `ForeignDevice`."""
+        self._stated.clear()
+        super().go()
 
     def still_entries(self) -> Sequence[Entry]:
         """See `CanopenDevice`."""

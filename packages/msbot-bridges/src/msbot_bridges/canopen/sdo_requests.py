@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Final
@@ -19,6 +20,10 @@ NOT_THERE: Final = frozenset({0x06020000, 0x06090011, 0x06010001, 0x06010002, 0x
 """Abort codes: no such object or subindex, not readable, not writable, no data, not available."""
 MOST_OCTETS: Final = 4096
 """Of a value; a node may send pieces without end."""
+SET_UP_S: Final = 20.0
+"""Longest time for all questions to one node: a node that answers each as late as it can holds up the others."""
+READ_S: Final = 2.0
+"""The same for a few entries."""
 _NO_PDO: Final = 1 << 31
 _EVENT_DRIVEN: Final = 255
 _SYNCHRONOUS: Final = 240
@@ -32,11 +37,18 @@ class SdoRefused(MsbotError):
 
 
 class SdoRequests:
-    """Asks one node."""
+    """Asks one node.
 
-    def __init__(self, node: RemoteNode) -> None:
+    Args:
+        node: the library's.
+        most_s: longest time for all questions; then they raise SdoCommunicationError.
+    """
+
+    def __init__(self, node: RemoteNode, most_s: float | None = None) -> None:
         self._sdo = node.sdo
         self._node_id = node.id
+        self._most_s = SET_UP_S if most_s is None else most_s
+        self._until = time.monotonic() + self._most_s
 
     def number(self, entry: Entry) -> int | None:
         """A number; None: the node has no such object."""
@@ -138,6 +150,7 @@ class SdoRequests:
         with self._sdo.open(index, subindex, "rb", buffering=0) as stream:
             data = b""
             while piece := stream.read(7):
+                self._check_time()
                 data += piece
                 if len(data) > MOST_OCTETS:
                     raise SdoCommunicationError(f"0x{index:04X}:{subindex:02X} has more than {MOST_OCTETS:,} octets")
@@ -146,10 +159,15 @@ class SdoRequests:
     @contextmanager
     def _readable(self, index: int, subindex: int) -> Iterator[None]:
         """The library raises whatever it stumbles over in a frame that is no answer."""
+        self._check_time()
         try:
             yield
         except (struct.error, IndexError) as error:
             raise SdoCommunicationError(f"what it answers to 0x{index:04X}:{subindex:02X} is no answer") from error
+
+    def _check_time(self) -> None:
+        if time.monotonic() > self._until:
+            raise SdoCommunicationError(f"it takes more than {self._most_s:g} s to answer")
 
     def _write(self, index: int, subindex: int, data: bytes) -> None:
         try:

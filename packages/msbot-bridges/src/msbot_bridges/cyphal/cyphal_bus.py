@@ -23,7 +23,8 @@ from pycyphal.transport.can import CANTransport
 import can
 from msbot_bridges.bridge import DeviceIdentity, ForeignDevice, Value, WorldHost
 from msbot_bridges.canbus import Heartbeats, Neighbours
-from msbot_bridges.canbus.software_update import ImageFolder, SoftwareVersion
+from msbot_bridges.canbus.image_folder import ImageFolder
+from msbot_bridges.canbus.software_update import SoftwareVersion
 from msbot_bridges.cyphal.aspect import READINESS, Builtin
 from msbot_bridges.cyphal.can_media import PythonCanMedia
 from msbot_bridges.cyphal.node_device import CyphalNode

@@ -6,12 +6,13 @@ Everything is in the event loop, where the library `pycyphal` is at home; only t
 from __future__ import annotations
 
 import asyncio
+from contextlib import nullcontext
 from functools import partial
 from typing import Final
 
 from msbot_bridges.bridge import World, WorldHost
 from msbot_bridges.canbus import open_bus
-from msbot_bridges.canbus.software_update import ImageFolder
+from msbot_bridges.canbus.image_folder import ImageFolder
 from msbot_bridges.cyphal.data_types import load_types
 from msbot_xrce.errors import ConfigError, LinkDown
 
@@ -42,7 +43,8 @@ class CyphalWorld(World):
         ended: asyncio.Future[None] = asyncio.get_running_loop().create_future()
         node = CyphalBus(bus, self._address, OWN_ID, host, partial(_end, ended), images=self._images)
         try:
-            await ended
+            async with nullcontext() if self._images is None else self._images.watched():
+                await ended
         except Exception as error:
             raise LinkDown(f"{self._address}: {error}") from error
         finally:

@@ -13,18 +13,15 @@ from collections.abc import Set as AbstractSet
 from typing import Any, Final, Protocol
 
 from msbot.part import Message
-from msbot.part.messages.standard import Text, Trigger
-from msbot_bridges.bridge import DeviceIdentity, DeviceOutput, DeviceService, ForeignDevice, Input, Report, Value
-from msbot_bridges.canbus.software_update import ImageFolder
-from msbot_bridges.canbus.software_wish import UPDATE, SoftwareWish
+from msbot_bridges.bridge import DeviceIdentity, DeviceOutput, ForeignDevice, Input, Report, Value
+from msbot_bridges.canbus.image_folder import ImageFolder
+from msbot_bridges.canbus.updatable_node import UpdatableNode
 from msbot_bridges.cyphal.aspect import ENGAGED, FEEDBACK, READINESS, STANDBY, Aspect, Builtin
 from msbot_bridges.cyphal.node_registers import NodePorts, RegisterSetting, SubjectPort, named_aspects
 from msbot_xrce.lazy import dataclass
 
 NOMINAL, WARNING = 0, 3
 OPERATIONAL: Final = 0
-RESTART: Final = "restart"
-"""A service."""
 UPDATING: Final = 3
 _MODES: Final = {1: "is starting", 2: "is in maintenance", UPDATING: "is updating its software"}
 
@@ -75,7 +72,7 @@ class _Driven:
     aspect: Aspect
 
 
-class CyphalNode(ForeignDevice):
+class CyphalNode(UpdatableNode):
     """One node.
 
     Args:
@@ -99,13 +96,8 @@ class CyphalNode(ForeignDevice):
         images: ImageFolder | None = None,
         remark: str = "",
     ) -> None:
-        self.identity, self.node_id, self.ports, self._bus = identity, node_id, ports, bus
-        self.services = (DeviceService(RESTART, Trigger, Text),)
-        self._wish: SoftwareWish | None = None
-        if images is not None:
-            self._wish = SoftwareWish(f"node {node_id}", images, lambda: bus.news(self))
-            self.services += (UPDATE,)
-        self._remark = remark
+        super().__init__(identity, node_id, images, remark)
+        self.ports, self._bus = ports, bus
         taken = {one.name for one in self.services}
         self._driven = {
             name: _Driven(port, aspect)
@@ -123,7 +115,11 @@ class CyphalNode(ForeignDevice):
         self.outputs = tuple(
             DeviceOutput(name, one.message) for told in self._heard.values() for name, one in told.items()
         )
-        self.inputs = tuple(Input(name, one.aspect.message, safe=one.aspect.safe) for name, one in self._driven.items())
+        stops_by = "" if self.readiness is None else "STANDBY"
+        self.inputs = tuple(
+            Input(name, one.aspect.message, safe=one.aspect.safe, stops_by=stops_by)
+            for name, one in self._driven.items()
+        )
         self._registers = {one.declared.name: one for one in settings}
         self.settings = tuple(one.declared for one in settings)
         self._has_feedback = any(one.type_name == FEEDBACK for one in self._heard)
@@ -170,8 +166,7 @@ class CyphalNode(ForeignDevice):
         self._report, self._is_in, self.is_stopping = None, False, False
         self._last.clear()
         self._bus.leave(self)
-        if self._wish is not None and (image := self._wish.take()):
-            self._bus.update(self, image)
+        self.take_update()
 
     def act(self, port: str, message: Message) -> None:
         """See `ForeignDevice`."""
@@ -202,17 +197,22 @@ class CyphalNode(ForeignDevice):
     def go(self) -> None:
         """See `ForeignDevice`."""
         self.is_stopping = False
+        self._safe.clear()
         self._last.clear()
         if self._is_in:
             self._be_ready(urgent=False)
 
-    def serve(self, name: str, request: Message) -> Message:
-        """See `ForeignDevice`."""
-        if name == UPDATE.name:
-            assert self._wish is not None
-            return self._wish.serve(request)
+    def changed(self) -> None:
+        """See `UpdatableNode`."""
+        self._bus.news(self)
+
+    def tell_restart(self) -> None:
+        """See `UpdatableNode`."""
         self._bus.restart(self.node_id)
-        return Text(text=f"node {self.node_id} was told to restart")
+
+    def tell_update(self, image: str) -> None:
+        """See `UpdatableNode`."""
+        self._bus.update(self, image)
 
     @property
     def not_stopped(self) -> str:
@@ -228,8 +228,8 @@ class CyphalNode(ForeignDevice):
     @property
     def fault(self) -> str:
         """See `ForeignDevice`."""
-        if self._wish is not None and self._wish.state:
-            return self._wish.state
+        if self.update_words:
+            return self.update_words
         if self._mode != OPERATIONAL:
             return f"node {self.node_id} {_MODES.get(self._mode, f'is in mode {self._mode}')}"
         if self._health == WARNING:
@@ -240,17 +240,6 @@ class CyphalNode(ForeignDevice):
     def is_updating(self) -> bool:
         """Whether it takes new software, as its heartbeat says."""
         return self._mode == UPDATING
-
-    @property
-    def remark(self) -> str:
-        """See `ForeignDevice`."""
-        return self._remark
-
-    def not_updated(self, why: str) -> None:
-        """It has not taken new software, and goes on as it was."""
-        self._remark = why
-        if self._wish is not None:
-            self._wish.end()
 
     def identify(self) -> None:
         """See `ForeignDevice`."""

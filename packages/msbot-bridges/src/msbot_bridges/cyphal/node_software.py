@@ -14,7 +14,8 @@ import pycyphal.application
 import uavcan.file
 import uavcan.primitive
 
-from msbot_bridges.canbus.software_update import ImageFolder, SoftwareUpdate, SoftwareVersion
+from msbot_bridges.canbus.image_folder import ImageFolder
+from msbot_bridges.canbus.software_update import SoftwareUpdate, SoftwareVersion
 from msbot_bridges.cyphal.register_access import BEGIN_SOFTWARE_UPDATE, RegisterAccess
 from msbot_xrce.errors import ConfigError
 

@@ -28,7 +28,7 @@ def open_world(link: BridgeLink) -> World:
         ConfigError: the library is missing, or the address makes no sense.
     """
     _check(link)
-    from msbot_bridges.canbus.software_update import ImageFolder
+    from msbot_bridges.canbus.image_folder import ImageFolder
     from msbot_bridges.cyphal.cyphal_world import CyphalWorld
 
     folder = link.option("software")

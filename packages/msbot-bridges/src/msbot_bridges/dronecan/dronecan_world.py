@@ -7,8 +7,10 @@ by themselves when nobody speaks.
 
 from __future__ import annotations
 
+import asyncio
 import logging
 import time
+from contextlib import nullcontext
 from functools import partial
 from typing import Any
 
@@ -18,15 +20,17 @@ from dronecan.app.node_monitor import NodeMonitor
 from dronecan.driver.common import DriverError
 
 import can
-from msbot_bridges.bridge import DeviceIdentity, DeviceSetting, World, WorldHost, WorldThread
+from msbot_bridges.bridge import DeviceIdentity, World, WorldHost, WorldThread
 from msbot_bridges.canbus import Heartbeats, Neighbours, open_bus
-from msbot_bridges.canbus.software_update import ImageFolder
-from msbot_bridges.dronecan.bounded_transfers import BoundedTransfers
+from msbot_bridges.canbus.image_folder import ImageFolder
 from msbot_bridges.dronecan.can_driver import PythonCanDriver
 from msbot_bridges.dronecan.node_device import KINDS, NodeDevice
 from msbot_bridges.dronecan.node_ids import NodeIdAllocator
 from msbot_bridges.dronecan.node_software import NodeSoftware, version_of
-from msbot_xrce.errors import LinkDown
+from msbot_bridges.dronecan.orders import conflicts, motor_powers, servo_angles
+from msbot_bridges.dronecan.parameters import NodeParameters
+from msbot_bridges.dronecan.transfer_reader import TransferReader
+from msbot_xrce.errors import ConfigError, LinkDown
 
 OWN_ID = 126
 LISTEN_S = 1.5
@@ -36,26 +40,23 @@ WAIT_S = 0.01
 """Longest wait for a frame: so long an order may take."""
 SPIN_S = 0.05
 """Without frames the library's timers are looked at so often."""
-MOST_SETTINGS = 60
-"""Parameters read of one node; a description has no room for more."""
-WRITE_TIMES = 3
-"""So often a parameter is written to a node that does not answer."""
 MOST_FRAMES = 50
 """Frames that are taken in before orders are looked at again: they come without end on a bus that is full."""
 MOST_UNREADABLE = 1000
 """Frames of one turn that may be damaged; the next turn goes on."""
 MOST_REMARKS = 100
+CONFLICTS_S = 1.0
+"""So often it is looked whether two nodes obey the same orders."""
 MODE_SOFTWARE_UPDATE = uavcan.protocol.NodeStatus().MODE_SOFTWARE_UPDATE
-_RAW_MOST = 8191
-_log = logging.getLogger("msbot.part")
 logging.getLogger("dronecan").setLevel(logging.WARNING)
 
 
 class _Node:
     """What is known of a node before it is a device."""
 
-    def __init__(self, node_id: int, info: Any) -> None:  # noqa: ANN401
+    def __init__(self, node_id: int, info: Any, parameters: NodeParameters) -> None:  # noqa: ANN401
         self.node_id = node_id
+        self.parameters = parameters
         self.info = info
         self.unique = _unique(info)
         self.mode = info.status.mode
@@ -67,8 +68,6 @@ class _Node:
         self.is_doubtful = False
         """Another device may be there now; what it reports does not count."""
         self.seen: dict[str, Any] = {}
-        self.settings: list[DeviceSetting] = []
-        self.is_read = False
         self.device: NodeDevice | None = None
 
     def is_who_says(self, info: Any) -> bool:  # noqa: ANN401
@@ -90,16 +89,17 @@ class DronecanWorld(World):
         """How nodes got new software, by their unique ids, until they are devices again."""
         self._nodes: dict[int, _Node] = {}
         self._driven: dict[int, NodeDevice] = {}
-        self._written = dict[tuple[int, str], object]()
-        """The newest value of each parameter, by the function that writes it."""
-        self.unreadable = 0
-        """Transfers that were left out."""
+        self._reading = set[asyncio.Task[None]]()
+        """Images that are being read."""
+        self._conflicts = set[str]()
+        """Nodes that obey the same orders, as was said."""
 
     async def run(self, host: WorldHost) -> None:
         """See `World`."""
         self._host = host
         self._thread = WorldThread(f"DroneCAN on {self._address}")
-        await self._thread.run(self._main)
+        async with nullcontext() if self._images is None else self._images.watched():
+            await self._thread.run(self._main)
 
     # In the thread
 
@@ -112,12 +112,12 @@ class DronecanWorld(World):
         node = self._node = dronecan.node.Node(
             driver, OWN_ID, node_info=info, mode=uavcan.protocol.NodeStatus().MODE_OPERATIONAL
         )
-        node._transfer_manager = BoundedTransfers()  # noqa: SLF001 - it has no other way
+        reader = TransferReader(node, self._address, self._say)
         try:
             monitor = NodeMonitor(node)
             monitor.add_update_handler(self._monitored)
             self._allocator = NodeIdAllocator(node, monitor, other=self._neighbours.gives_ids)
-            self._software = NodeSoftware(node, self._images, self._say)
+            self._software = NodeSoftware(node, self._say, serves=self._images is not None)
             node.add_handler(uavcan.protocol.NodeStatus, self._status)
             for kind in KINDS:
                 message_type = uavcan
@@ -125,34 +125,20 @@ class DronecanWorld(World):
                     message_type = getattr(message_type, word)
                 node.add_handler(message_type, lambda event, kind=kind: self._heard(kind, event))
             node.periodic(REPEAT_S, self._drive)
+            node.periodic(CONFLICTS_S, self._look_for_conflicts)
             spin_at = 0.0
             while not self._thread.is_ended:
                 self._thread.work()
                 if driver.wait(WAIT_S) or time.monotonic() >= spin_at:
                     spin_at = time.monotonic() + SPIN_S
                     driver.begin_turn(MOST_FRAMES)
-                    self._spin(node)
+                    reader.spin(0, MOST_UNREADABLE)
                     self._finish()
             self._drive()
         except (DriverError, can.CanError) as error:
             raise LinkDown(f"{self._address}: {error}") from error
         finally:
             node.close()
-
-    def _spin(self, node: Any) -> None:  # noqa: ANN401
-        """Take in the frames that have come; what nobody can read is counted, and said once."""
-        for _ in range(MOST_UNREADABLE):
-            try:
-                node.spin(0)
-            except DriverError:
-                raise
-            except Exception as error:  # the library raises whatever it stumbles over in what others have sent
-                self.unreadable += 1
-                _log.debug("%s: a transfer cannot be read", self._address, exc_info=True)
-                if self.unreadable == 1:
-                    self._say(f"something on this bus cannot be read, and is left out: {error}")
-            else:
-                return
 
     def _monitored(self, event: Any) -> None:  # noqa: ANN401
         entry = event.entry
@@ -172,8 +158,8 @@ class DronecanWorld(World):
                 known.is_doubtful = False
                 return
             self._lose(known, f"node {node_id} " + ("has started anew" if is_same else "is another device now"))
-        self._nodes[node_id] = _Node(node_id, info)
-        self._read_setting(self._nodes[node_id], 0)
+        known = self._nodes[node_id] = _Node(node_id, info, NodeParameters(self._node, node_id))
+        known.parameters.read()
 
     def _ask_who(self, node_id: int) -> None:
         def answered(event: Any) -> None:  # noqa: ANN401
@@ -185,39 +171,24 @@ class DronecanWorld(World):
     def _lose(self, known: _Node, why: str) -> None:
         self._nodes.pop(known.node_id, None)
         self._driven.pop(known.node_id, None)
-        for key in [key for key in self._written if key[0] == known.node_id]:
-            del self._written[key]
+        known.parameters.end()
         if (device := known.device) is not None:
             why = self._software.state_of(known.unique) or why
             self._thread.tell(lambda: self._host.lost(device, why))
-
-    def _read_setting(self, known: _Node, index: int) -> None:
-        """Ask for a parameter; a node that has no more answers with an empty name."""
-
-        def answered(event: Any) -> None:  # noqa: ANN401
-            if event is None or not event.response.name or index >= MOST_SETTINGS:
-                known.is_read = True
-                return
-            if (setting := setting_of(event.response)) is not None:
-                known.settings.append(setting)
-            self._read_setting(known, index + 1)
-
-        request = uavcan.protocol.param.GetSet.Request(index=index)
-        self._node.request(request, known.node_id, answered)
 
     def _finish(self) -> None:
         """Nodes that have been listened to for long enough become devices."""
         for known in self._nodes.values():
             if known.device is not None or known.mode == MODE_SOFTWARE_UPDATE:
                 continue
-            if known.is_read and time.monotonic() - known.since >= LISTEN_S and known.seen:
+            if known.parameters.is_read and time.monotonic() - known.since >= LISTEN_S and known.seen:
                 device = known.device = NodeDevice(
                     identity_of(known.node_id, known.info),
                     known.node_id,
                     known.seen,
-                    tuple(known.settings),
+                    tuple(known.parameters.settings),
                     order=partial(self._ordered, known),
-                    write=self._write,
+                    write=partial(self._write, known),
                     restart=partial(self._thread.post, partial(self._software.restart, known.node_id)),
                     update=partial(self._update, known),
                     images=self._images,
@@ -253,17 +224,32 @@ class DronecanWorld(World):
             known.seen[kind] = event.message
         elif kind in known.device.kinds:  # its ports are those of what it sent at first
             device, message = known.device, event.message
+            device.numbered(kind, message)
             self._thread.tell(lambda: device.heard(kind, message))
 
     # New software
 
     def _update(self, known: _Node, image: str) -> None:
         """From the loop: a device has left its robot, and is to take new software."""
+        reading = asyncio.create_task(self._read_image(known, image))
+        self._reading.add(reading)
+        reading.add_done_callback(self._reading.discard)
+
+    async def _read_image(self, known: _Node, image: str) -> None:
+        """In neither the loop nor the thread of the bus, which must not wait for a disk."""
+        assert self._images is not None
+        ended = partial(self._updated, known)
+        try:
+            octets = await asyncio.to_thread(self._images.read, image)
+        except ConfigError as error:
+            self._thread.post(partial(ended, str(error)))
+            return
 
         def begin() -> None:
             before = version_of(known.info.software_version)
-            ended = partial(self._updated, known)
-            self._software.begin(known, known.node_id, known.unique, name=image, before=before, ended=ended)
+            self._software.begin(
+                known, known.node_id, known.unique, name=image, octets=octets, before=before, ended=ended
+            )
 
         self._thread.post(begin)
 
@@ -301,36 +287,26 @@ class DronecanWorld(World):
         self._thread.post(take, urgent=urgent)
 
     def _drive(self) -> None:
-        motors = {one.esc_index: one.power for one in self._driven.values() if one.esc_index is not None}
-        if motors:
-            command = [int(_RAW_MOST * motors.get(index, 0.0) / 100) for index in range(max(motors) + 1)]
-            self._node.broadcast(uavcan.equipment.esc.RawCommand(cmd=command))
-        servos = {one.actuator_id: one.radians for one in self._driven.values() if one.actuator_id is not None}
-        if servos:
+        if powers := motor_powers(self._driven.values()):
+            self._node.broadcast(uavcan.equipment.esc.RawCommand(cmd=powers))
+        for angles in servo_angles(self._driven.values()):
             commands = [
                 uavcan.equipment.actuator.Command(actuator_id=number, command_type=1, command_value=radians)
-                for number, radians in servos.items()
+                for number, radians in angles
             ]
-            self._node.broadcast(uavcan.equipment.actuator.ArrayCommand(commands=commands[:15]))
+            self._node.broadcast(uavcan.equipment.actuator.ArrayCommand(commands=commands))
 
-    def _write(self, node_id: int, name: str, value: object) -> None:
+    def _write(self, known: _Node, name: str, value: object) -> None:
         """From the loop: give a parameter its value."""
+        self._thread.post(partial(known.parameters.write, name, value))
 
-        def write(times: int = WRITE_TIMES) -> None:
-            def answered(event: Any) -> None:  # noqa: ANN401
-                if event is not None or self._written.get((node_id, name)) is not write:
-                    return  # done, or another value was written since
-                if times > 1:
-                    write(times - 1)
-                else:
-                    _log.warning("node %d has not answered that its parameter %s is %s", node_id, name, value)
-
-            request = uavcan.protocol.param.GetSet.Request(name=name)
-            request.value = parameter_value(value)
-            self._node.request(request, node_id, answered)
-
-        self._written[node_id, name] = write
-        self._thread.post(write)
+    def _look_for_conflicts(self) -> None:
+        """Say once which nodes obey the same orders; again when it was over meanwhile."""
+        found = conflicts(known.device for known in self._nodes.values() if known.device is not None)
+        for device, words in found:
+            if words not in self._conflicts:
+                self._thread.tell(partial(self._host.warn, device, words))
+        self._conflicts = {words for _, words in found}
 
 
 def identity_of(node_id: int, info: Any) -> DeviceIdentity:  # noqa: ANN401
@@ -346,43 +322,6 @@ def identity_of(node_id: int, info: Any) -> DeviceIdentity:  # noqa: ANN401
         f"{hardware.major}.{hardware.minor}",
         f"{software.major}.{software.minor}",
     )
-
-
-def setting_of(answer: Any) -> DeviceSetting | None:  # noqa: ANN401
-    """A parameter as a setting; None for one that no setting can be."""
-    name = _text(answer.name)
-    union = dronecan.get_active_union_field
-    kind = union(answer.value)
-    if "." in name or not name.isprintable():
-        return None
-    default = answer.default_value if union(answer.default_value) == kind else answer.value
-    if kind == "boolean_value":
-        return DeviceSetting(name, bool, bool(default.boolean_value))
-    if kind == "string_value":
-        return DeviceSetting(name, str, _text(default.string_value))
-    if kind not in ("integer_value", "real_value"):
-        return None
-    least, most = (
-        float(getattr(limit, union(limit))) if union(limit) in ("integer_value", "real_value") else None
-        for limit in (answer.min_value, answer.max_value)
-    )
-    if kind == "integer_value":
-        return DeviceSetting(name, int, int(default.integer_value), least, most)
-    return DeviceSetting(name, float, float(default.real_value), least, most)
-
-
-def parameter_value(value: object) -> Any:  # noqa: ANN401
-    """The value of a setting, as a node takes it."""
-    made = uavcan.protocol.param.Value()
-    if isinstance(value, bool):
-        made.boolean_value = int(value)
-    elif isinstance(value, int):
-        made.integer_value = value
-    elif isinstance(value, float):
-        made.real_value = value
-    else:
-        made.string_value = str(value)
-    return made
 
 
 def _unique(info: Any) -> bytes:  # noqa: ANN401

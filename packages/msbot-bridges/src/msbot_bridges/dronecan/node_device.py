@@ -12,12 +12,11 @@ from collections.abc import Callable
 from typing import Any
 
 from msbot.part import Message
-from msbot.part.messages.standard import Angle, Battery, Distance, Level, Place, Speed, Temperature, Text, Trigger
+from msbot.part.messages.standard import Angle, Battery, Distance, Level, Place, Speed, Temperature
 from msbot_agent.text.sentence import said
 from msbot_bridges.bridge import (
     DeviceIdentity,
     DeviceOutput,
-    DeviceService,
     DeviceSetting,
     Fit,
     ForeignDevice,
@@ -25,12 +24,14 @@ from msbot_bridges.bridge import (
     Report,
     fits_of,
 )
-from msbot_bridges.canbus.software_update import ImageFolder
-from msbot_bridges.canbus.software_wish import UPDATE, SoftwareWish
+from msbot_bridges.canbus.image_folder import ImageFolder
+from msbot_bridges.canbus.updatable_node import UpdatableNode
 
-NEUTRAL_DEGREES = 3.0
-"""A servo is at its neutral position when it reports no more than this."""
+NEAR_DEGREES = 3.0
+"""A servo has its safe value when it reports an angle no farther from it."""
 STANDS_RPM = 1.0
+NEAR_PERCENT = 3.0
+"""The same of a motor controller whose slot has it turn at STOP: it reports its power in whole percent."""
 
 ESC, SERVO, RANGE, BATTERY, PLACE = (
     "uavcan.equipment.esc.Status",
@@ -61,9 +62,6 @@ _KIND_WORDS = {
     BATTERY: said("batteries"),
     PLACE: said("GNSS receivers"),
 }
-RESTART = "restart"
-"""A service."""
-
 
 def node_fits() -> tuple[Fit, ...]:
     """Which messages nodes send, and are driven by."""
@@ -73,7 +71,7 @@ def node_fits() -> tuple[Fit, ...]:
     )
 
 
-class NodeDevice(ForeignDevice):
+class NodeDevice(UpdatableNode):
     """A node.
 
     Args:
@@ -98,15 +96,14 @@ class NodeDevice(ForeignDevice):
         settings: tuple[DeviceSetting, ...],
         *,
         order: Callable[[bool], None],
-        write: Callable[[int, str, object], None],
+        write: Callable[[str, object], None],
         restart: Callable[[], None],
         update: Callable[[str], None],
         images: ImageFolder | None = None,
         remark: str = "",
         news: Callable[[ForeignDevice], None],
     ) -> None:
-        self.identity = identity
-        self.node_id = node_id
+        super().__init__(identity, node_id, images, remark)
         self.kinds = tuple(kind for kind in KINDS if kind in seen)
         self.outputs = tuple(output for kind in self.kinds for output in _OUTPUTS[kind])
         self.inputs = tuple(_INPUTS[kind] for kind in self.kinds if kind in _INPUTS)
@@ -118,15 +115,14 @@ class NodeDevice(ForeignDevice):
         self.is_stopping = False
         self.power = 0.0
         """-100 to 100."""
-        self.radians = 0.0
+        self.radians: float | None = None
+        """None: nobody has said where a servo is to be, so it stays where it is."""
+        self._stated = dict[str, Message]()
+        """Safe values that the robot has said with this STOP."""
         self.is_critical = self.is_updating = False
         """As its NodeStatus says."""
-        self.services = (DeviceService(RESTART, Trigger, Text),)
-        self._wish = None if images is None else SoftwareWish(f"node {node_id}", images, lambda: news(self))
-        if self._wish is not None:
-            self.services += (UPDATE,)
         self._order, self._write, self._news = order, write, news
-        self._restart, self._update, self._remark = restart, update, remark
+        self._restart, self._update = restart, update
         self._report: Report | None = None
         self._unconfirmed = set[str]()
 
@@ -138,70 +134,107 @@ class NodeDevice(ForeignDevice):
     def end(self) -> None:
         """See `ForeignDevice`."""
         self._report, self.is_driven = None, False
+        self.is_stopping = False
+        self._stated.clear()
         self._order(False)
-        if self._wish is not None and (image := self._wish.take()):
-            self._update(image)
+        self.take_update()
 
     def act(self, port: str, message: Message) -> None:  # noqa: ARG002 - the class says which
         """See `ForeignDevice`."""
+        self._take(message)
+        self._order(False)
+
+    def _take(self, message: Message) -> None:
         if isinstance(message, Level):
             self.power = max(-100.0, min(100.0, message.percent))
         elif isinstance(message, Angle):
             self.radians = math.radians(message.degrees)
-        self._order(False)
 
-    def serve(self, name: str, request: Message) -> Message:
-        """See `ForeignDevice`."""
-        if name == RESTART:
-            self._restart()
-            return Text(text=f"node {self.node_id} was told to restart")
-        assert self._wish is not None, name
-        return self._wish.serve(request)
+    def changed(self) -> None:
+        """See `UpdatableNode`."""
+        self._news(self)
+
+    def tell_restart(self) -> None:
+        """See `UpdatableNode`."""
+        self._restart()
+
+    def tell_update(self, image: str) -> None:
+        """See `UpdatableNode`."""
+        self._update(image)
 
     def set(self, name: str, value: object) -> None:
         """See `ForeignDevice`."""
-        self._write(self.node_id, name, value)
+        self._write(name, value)
+
+    def safe_is(self, port: str, message: Message) -> None:
+        """See `ForeignDevice`: `stop` orders it, and waits for its report."""
+        self._stated[port] = message
 
     def stop(self) -> None:
         """See `ForeignDevice`."""
         if not self.is_stopping:
             self._unconfirmed = {kind for kind in self.kinds if kind in _INPUTS}
         self.is_stopping = self.is_driven = True
-        self.power = self.radians = 0.0
+        for kind in self.kinds:
+            if (safe := self._safe(kind)) is not None:
+                self._take(safe)
         self._order(True)
+
+    def rest(self) -> None:
+        """See `ForeignDevice`; each port has got its safe value."""
 
     def go(self) -> None:
         """See `ForeignDevice`."""
         self.is_stopping = False
+        self._stated.clear()
         self._order(False)
+
+    def _safe(self, kind: str) -> Message | None:
+        """What STOP brings a kind of device to; None: it is not driven."""
+        port = _INPUTS.get(kind)
+        return None if port is None else self._stated.get(port.name, port.safe)
 
     @property
     def not_stopped(self) -> str:
         """See `ForeignDevice`."""
         if not self.is_stopping or not self._unconfirmed:
             return ""
-        what = "that it stands still" if ESC in self._unconfirmed else "its neutral position"
+        kind = min(self._unconfirmed)
+        match self._safe(kind):
+            case Level(percent=percent) if percent:
+                what = f"a power of {percent:g} %"
+            case Angle(degrees=degrees) if degrees:
+                what = f"an angle of {degrees:g} degrees"
+            case Angle():
+                what = "its neutral position"
+            case _:
+                what = "that it stands still"
         return f"node {self.node_id} has not reported {what}"
 
     @property
     def fault(self) -> str:
         """See `ForeignDevice`."""
-        if self._wish is not None and self._wish.state:
-            return self._wish.state
+        if self.update_words:
+            return self.update_words
         if self.is_updating:
             return f"node {self.node_id} takes new software"
         return f"node {self.node_id} says that its health is CRITICAL" if self.is_critical else ""
 
-    @property
-    def remark(self) -> str:
-        """See `ForeignDevice`."""
-        return self._remark
+    def numbered(self, kind: str, message: Any) -> None:  # noqa: ANN401 - the library makes its classes when it runs
+        """Its report says by which number it takes orders now; called in the thread of its world."""
+        if kind == ESC:
+            self.esc_index = message.esc_index
+        elif kind == SERVO:
+            self.actuator_id = message.actuator_id
 
-    def not_updated(self, why: str) -> None:
-        """It has not taken new software, and goes on as it was."""
-        self._remark = why
-        if self._wish is not None:
-            self._wish.end()
+    def setting_for(self, what: str) -> str:
+        """The setting with that number, as far as its name tells; empty: none.
+
+        Args:
+            what: `index` of a motor controller, or `actuator id` of a servo.
+        """
+        word = what.replace(" ", "_")
+        return next((one.name for one in self.settings if one.kind is int and word in one.name.lower()), "")
 
     def health(self, is_critical: bool, is_updating: bool) -> None:
         """Its NodeStatus says something else than the one before."""
@@ -215,11 +248,13 @@ class NodeDevice(ForeignDevice):
             report("turns", Speed(rpm=message.rpm))
             report("supply", Battery(volts=message.voltage, amperes=message.current, percent=math.nan))
             report("temperature", Temperature(celsius=message.temperature - 273.15))
-            self._confirm(kind, abs(message.rpm) <= STANDS_RPM)
+            self._confirm(kind, self._is_safe_power(message))
         elif kind == SERVO:
             degrees = math.degrees(message.position)
             report("position", Angle(degrees=degrees))
-            self._confirm(kind, abs(degrees) <= NEUTRAL_DEGREES)
+            safe = self._safe(kind)
+            assert isinstance(safe, Angle)
+            self._confirm(kind, abs(degrees - safe.degrees) <= NEAR_DEGREES)
         elif kind == RANGE:
             in_range = message.reading_type == message.READING_TYPE_VALID_RANGE
             report("distance", Distance(metres=message.range if in_range else 0.0, in_range=in_range))
@@ -238,7 +273,14 @@ class NodeDevice(ForeignDevice):
                 ),
             )
 
-    def _confirm(self, kind: str, stands: bool) -> None:
-        if self.is_stopping and stands and kind in self._unconfirmed:
+    def _is_safe_power(self, message: Any) -> bool:  # noqa: ANN401
+        safe = self._safe(ESC)
+        assert isinstance(safe, Level)
+        if not safe.percent:
+            return abs(message.rpm) <= STANDS_RPM
+        return abs(message.power_rating_pct - abs(safe.percent)) <= NEAR_PERCENT
+
+    def _confirm(self, kind: str, is_safe: bool) -> None:
+        if self.is_stopping and is_safe and kind in self._unconfirmed:
             self._unconfirmed.discard(kind)
             self._news(self)

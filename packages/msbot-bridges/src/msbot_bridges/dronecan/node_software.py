@@ -9,8 +9,7 @@ from typing import Any, Final
 
 from dronecan import uavcan
 
-from msbot_bridges.canbus.software_update import ImageFolder, SoftwareUpdate, SoftwareVersion
-from msbot_xrce.errors import ConfigError
+from msbot_bridges.canbus.software_update import SoftwareUpdate, SoftwareVersion
 
 BEGIN_TIMES: Final = 3
 """So often a node that does not answer is told to take new software."""
@@ -25,16 +24,16 @@ class NodeSoftware:
 
     Args:
         node: the bridge's own.
-        images: what there is to take; None: nothing.
+        serves: there are images to take.
         say: takes a line for the person who runs the bridge.
     """
 
-    def __init__(self, node: Any, images: ImageFolder | None, say: Callable[[str], None]) -> None:  # noqa: ANN401
-        self._node, self._images, self._say = node, images, say
+    def __init__(self, node: Any, say: Callable[[str], None], *, serves: bool) -> None:  # noqa: ANN401
+        self._node, self._say = node, say
         self._update: SoftwareUpdate | None = None
         self._first: object = None
         self._ended: Callable[[str], None] = lambda _: None
-        if images is not None:
+        if serves:
             node.add_handler(uavcan.protocol.file.Read, self._read)
             node.add_handler(uavcan.protocol.file.GetInfo, self._tell_size)
             node.periodic(LOOK_S, self._look)
@@ -58,6 +57,7 @@ class NodeSoftware:
         unique: bytes,
         *,
         name: str,
+        octets: bytes,
         before: SoftwareVersion,
         ended: Callable[[str], None],
     ) -> None:
@@ -68,17 +68,12 @@ class NodeSoftware:
             node_id: where it is.
             unique: its unique id.
             name: the image.
+            octets: what it is.
             before: the software that it has.
             ended: called with how it has ended.
         """
-        assert self._images is not None
         if self._update is not None:
             ended(f"node {node_id} was not told to take {name}: {self._update.state}; try it again afterwards")
-            return
-        try:
-            octets = self._images.read(name)
-        except ConfigError as error:
-            ended(str(error))
             return
         self._update = SoftwareUpdate(f"node {node_id}", unique, name, octets, before=before, now=time.monotonic())
         self._first, self._ended = known, ended

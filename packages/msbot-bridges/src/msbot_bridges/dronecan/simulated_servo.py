@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import asyncio
 import hashlib
+import logging
+import math
 import re
 import threading
 from typing import Any, Final
@@ -18,7 +20,9 @@ from dronecan.driver.common import DriverError
 
 import can
 from msbot_bridges.canbus import open_bus
+from msbot_bridges.canbus.image_folder import MOST_OCTETS
 from msbot_bridges.dronecan.can_driver import PythonCanDriver
+from msbot_bridges.dronecan.transfer_reader import TransferReader
 from msbot_xrce.errors import LinkDown
 
 REPORT_S: Final = 0.1
@@ -28,6 +32,7 @@ SPEED: Final = "profile_velocity"
 _IMAGE: Final = re.compile(rb"SIMSERVO (\d{1,2})\.(\d{1,2})\b")
 _READ_TIMES: Final = 5
 _PIECE: Final = 256
+_log = logging.getLogger("msbot.part")
 
 
 class SimulatedServo:
@@ -88,9 +93,10 @@ class SimulatedServo:
         node.add_handler(uavcan.protocol.RestartNode, self._told_to_restart)
         node.add_handler(uavcan.protocol.file.BeginFirmwareUpdate, self._told_to_update)
         node.periodic(REPORT_S, lambda: self._live(node))
+        reader = TransferReader(node, self._address, lambda words: _log.warning("%s: %s", self._address, words))
         try:
             while not (self._ended.is_set() or self._restarts):
-                node.spin(SPIN_S)
+                reader.spin(SPIN_S)
         except (DriverError, can.CanError) as error:
             raise LinkDown(f"{self._address}: {error}") from error
         finally:
@@ -99,13 +105,13 @@ class SimulatedServo:
     def _live(self, node: Any) -> None:  # noqa: ANN401 - the library has no types
         if self._is_updating:
             return
-        most = self.speed / 60 * 2 * 3.141592653589793 * REPORT_S
+        most = self.speed / 60 * 2 * math.pi * REPORT_S
         self.position += max(-most, min(most, self._target - self.position))
         node.broadcast(uavcan.equipment.actuator.Status(actuator_id=self._actuator_id, position=self.position))
 
     def _ordered(self, event: Any) -> None:  # noqa: ANN401
         for command in event.message.commands:
-            if command.actuator_id == self._actuator_id:
+            if command.actuator_id == self._actuator_id and math.isfinite(command.command_value):
                 self._target = command.command_value
 
     def _parameter(self, event: Any) -> Any:  # noqa: ANN401
@@ -151,7 +157,7 @@ class SimulatedServo:
                 self._restart()
                 return
             piece = bytes(event.response.data.to_bytes())
-            if len(piece) == _PIECE:
+            if len(piece) == _PIECE and len(image) < MOST_OCTETS:
                 self._read_image(server, path, image + piece, _READ_TIMES)
                 return
             if (found := _IMAGE.match(image + piece)) is not None:

@@ -27,7 +27,7 @@ def open_world(link: BridgeLink) -> World:
         ConfigError: the library is missing, or the address makes no sense.
     """
     try:
-        from msbot_bridges.canbus.software_update import ImageFolder
+        from msbot_bridges.canbus.image_folder import ImageFolder
         from msbot_bridges.dronecan.dronecan_world import DronecanWorld
     except ModuleNotFoundError as error:
         raise _missing(error) from error

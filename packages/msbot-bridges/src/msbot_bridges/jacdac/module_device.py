@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 from msbot.part import Message
 from msbot_bridges.bridge import DeviceIdentity, DeviceOutput, DeviceSetting, ForeignDevice, Input, Report
@@ -43,7 +43,8 @@ class ModuleDevice(ForeignDevice):
         self._is_stopping = False
         self._unconfirmed: dict[Register, bytes] = {}
         self._safe: dict[str, Message] = {}
-        """What STOP leaves ports with, where the robot says it."""
+        """What STOP, or a partner that is gone, leaves ports with, where the robot says another value than the module's
+        own."""
         self._name_ports()
         self.outputs = [DeviceOutput(name, sensor.message) for name, sensor in self._sensors.values()]
         self.inputs = [
@@ -77,6 +78,7 @@ class ModuleDevice(ForeignDevice):
         """See `ForeignDevice`."""
         self._report = None
         self.module.release()
+        self.go()
 
     def act(self, port: str, message: Message) -> None:
         """See `ForeignDevice`."""
@@ -95,26 +97,40 @@ class ModuleDevice(ForeignDevice):
         self._wake()
 
     def safe_is(self, port: str, message: Message) -> None:
-        """See `ForeignDevice`: `stop` writes it, and waits for it, where its power need not be off."""
-        if not self._actuators[port][1].stops_without_power:
+        """See `ForeignDevice`: `stop` writes it, and waits for it."""
+        actuator = self._actuators[port][1]
+        if message == actuator.safe or actuator.tell(message) is not None:
+            self._safe.pop(port, None)  # the module's own way to be safe; a tone does not last
+        else:
             self._safe[port] = message
+
+    def rests_at(self, port: str, message: Message) -> None:
+        """See `ForeignDevice`."""
+        self.safe_is(port, message)
+        if not self._actuators[port][1].stops_without_power:
+            self.act(port, message)
 
     def rest(self) -> None:
         """See `ForeignDevice`: lamps and switches have got their safe values."""
-        for index, actuator in self._actuators.values():
+        for port, (index, actuator) in self._actuators.items():
             if actuator.stops_without_power:
-                self.module.keep(index, actuator.stop(self.module.registers(index)))
+                self.module.keep(index, self._safe_registers(port))
+        self._safe = {}
         self.module.write_at_once()
         self._wake()
+
+    def _safe_registers(self, port: str) -> Mapping[int, bytes]:
+        index, actuator = self._actuators[port]
+        known, safe = self.module.registers(index), self._safe.get(port)
+        return actuator.stop(known) if safe is None else actuator.write(safe, known)
 
     def stop(self) -> None:
         """See `ForeignDevice`."""
         if not self._is_stopping:
             self._is_stopping = True
             self._unconfirmed = {}
-            for port, (index, actuator) in self._actuators.items():
-                known, safe = self.module.registers(index), self._safe.get(port)
-                registers = actuator.stop(known) if safe is None else actuator.write(safe, known)
+            for port, (index, _) in self._actuators.items():
+                registers = self._safe_registers(port)
                 self.module.keep(index, registers)
                 self._unconfirmed |= {(index, register): data for register, data in registers.items()}
         self.module.write_at_once()

@@ -171,6 +171,8 @@ class SafeLine(Model):
     unit: str
     origin: str
     """`library` or `blueprint`: who says so."""
+    stops_by: str = ""
+    """What STOP does instead; empty: STOP brings this value, too."""
 
 
 class Value(Model):

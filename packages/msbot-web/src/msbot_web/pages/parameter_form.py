@@ -64,7 +64,11 @@ class _Form:
         with self._safe:
             for line in page.service.views.safe_values(self._slot):
                 value = f"{value_words(line.value, page.language)} {line.unit}".rstrip()
-                words = page.translate("On STOP: {port} {value}", port=f"{line.port}.{line.field}", value=value)
+                port = f"{line.port}.{line.field}"
+                words = page.translate("On STOP: {port} {value}", port=port, value=value)
+                if line.stops_by:
+                    template = "Without a partner: {port} {value}. On STOP: {what}"
+                    words = page.translate(template, port=port, value=value, what=line.stops_by)
                 with ui.element("div").classes("row w-full"):
                     ui.label(words).classes("soft").style("flex:1")
                     ui.html(render("origin", origin=line.origin, words=page.translate(line.origin)), sanitize=False)

@@ -58,6 +58,8 @@ def _lines(number: str, name: str, program: ProgramDeclarations) -> Iterator[str
         if listener.ranges:
             ends = (f"{field} = [{_value(least)}, {_value(most)}]" for field, (least, most) in listener.ranges.items())
             yield f"ranges = {{{', '.join(ends)}}}"
+        if words := program.stops_by.get(port):
+            yield f"stops_by = {_value(words)}"
         classes.append(listener.message_class)
     for port, exchange in program.calls.items():
         yield from _service(port, "call", exchange)

@@ -199,6 +199,8 @@ class ProgramDeclarations:
         self.delayed: list[After] = []
         self.listeners: dict[str, Listener] = {}
         """Port -> its function."""
+        self.stops_by: dict[str, str] = {}
+        """Port -> what STOP does there instead of the safe value, for the description."""
         self.settings = DeclaredSettings()
         self.publications: dict[str, type[Message]] = {}
         """Port -> what it publishes; only the ports that the program declares."""

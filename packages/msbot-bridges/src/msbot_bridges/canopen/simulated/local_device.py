@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import logging
 import threading
 import time
 from abc import ABC, abstractmethod
@@ -35,6 +36,9 @@ STEP_S: Final = 0.01
 OPERATIONAL: Final = 5
 SYNCHRONOUS: Final = 240
 """Up to this transmission type a PDO is sent with every so many SYNCs."""
+MOST_OCTETS: Final = 4096
+"""Of a value that is written to it piece by piece."""
+_log = logging.getLogger("msbot.part")
 _KINDS: Final = {
     (8, False): UNSIGNED8,
     (16, False): UNSIGNED16,
@@ -112,6 +116,8 @@ class LocalDevice(ABC):
         self._state = 0
         self._toggle = 0
         self._syncs = 0
+        self.failures = 0
+        """How often what was written into its dictionary made no sense."""
         self._syncs_sent = dict[int, int]()
         """How many SYNCs there were when each PDO was sent."""
 
@@ -141,7 +147,7 @@ class LocalDevice(ABC):
             network.add_node(self.node)
             while not self._ended.is_set():
                 network.check()
-                self._live()
+                self._try_to_live()
                 time.sleep(STEP_S)
         except can.CanError as error:
             raise LinkDown(f"{self._address}: {error}") from error
@@ -190,6 +196,19 @@ class LocalDevice(ABC):
             state = OPERATIONAL if self.is_operational else 4 if self.node.nmt.state == "STOPPED" else 127
             self.node.network.send_message(can_id, bytes([state | self._toggle]))
             self._toggle ^= 0x80
+
+    def _try_to_live(self) -> None:
+        """Anybody may write anything into its dictionary: it goes on with what makes sense."""
+        if len(self.node.sdo._buffer or b"") > MOST_OCTETS:  # noqa: SLF001 - pieces without end; it has no other way
+            self.node.sdo._buffer = None  # noqa: SLF001
+        try:
+            self._live()
+        except can.CanError:
+            raise
+        except Exception as error:  # of the library, or a number that is out of range
+            self.failures += 1
+            if self.failures == 1:
+                _log.warning("%s: node %d cannot use its objects: %s", self._address, self.node.id, error)
 
     def _live(self) -> None:
         nmt = self.node.nmt

@@ -24,6 +24,7 @@ from pycyphal.transport.can import CANTransport
 
 import can
 from msbot_bridges.canbus import open_bus
+from msbot_bridges.canbus.image_folder import MOST_OCTETS
 from msbot_bridges.cyphal.can_media import PythonCanMedia
 from msbot_xrce.errors import LinkDown
 
@@ -112,7 +113,7 @@ class LibraryNode(ABC):
         """Read an image, as a boot loader does, and start again."""
         self.node.heartbeat_publisher.mode = uavcan.node.Mode_1.SOFTWARE_UPDATE
         try:
-            image = await pycyphal.application.file.FileClient2(self.node, server).read(path)
+            image = await pycyphal.application.file.FileClient2(self.node, server).read(path, size=MOST_OCTETS)
         except (OSError, pycyphal.application.file.RemoteFileError):
             image = b""
         if (found := _IMAGE.match(image)) is not None:

@@ -61,7 +61,7 @@ class SimulatedCyphalServo(LibraryNode):
         return int(self.node.registry[SPEED])
 
     def _told(self, told: Any, _: object) -> None:  # noqa: ANN401
-        if not self.is_stuck:
+        if not self.is_stuck and math.isfinite(told.radian):
             self._target = float(told.radian)
 
     def _made_ready(self, told: Any, _: object) -> None:  # noqa: ANN401

@@ -103,6 +103,11 @@ def hints(blueprint: Blueprint, library: Library) -> list[str]:
             told.append(f"no port of slot {slot.name} is bound to a topic: its part will do nothing")
         elif loose:
             told.append(f"slot {slot.name}: not bound to a topic: {', '.join(loose)}")
+        told += [
+            f"slot {slot.name}: at STOP {port.name} gets {port.stops_by}, and not its value in [slot.safe]"
+            for port in part_type.ports
+            if port.stops_by and port.name in slot.safe
+        ]
     numbers = [slot.part_number for slot in blueprint.slots]
     for number in sorted({number for number in numbers if numbers.count(number) > 1}):
         alike = [slot for slot in blueprint.slots if slot.part_number == number]

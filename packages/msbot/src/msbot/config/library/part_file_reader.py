@@ -265,6 +265,7 @@ def _read_port(table: Table, known: Mapping[str, MessageType]) -> Port:
         rate_hz=table.number("rate_hz", default=0.0, least=0.0, most=_MOST_HZ, unit="times a second"),
         safe=read_safe(table.table("safe"), message) if "safe" in table else None,
         stop=table.text("stop", "on"),
+        stops_by=table.text("stops_by", "quick stop"),
         description=table.text("description", "How bright it is"),
         message=message,
         reply=reply,
@@ -275,6 +276,8 @@ def _read_port(table: Table, known: Mapping[str, MessageType]) -> Port:
     elif port.safe is not None and message is not None:
         for name, fault in safe_faults(port, port.safe):
             table.report(fault, "safe", name)
+    if port.stops_by and port.direction is not Direction.SUBSCRIBE:
+        table.report("only a port that subscribes can be stopped; remove it", "stops_by")
     if port.stop:
         _check_stop(table, port, message)
     table.finish()

@@ -118,6 +118,8 @@ class Port:
     """A field of what it publishes: while it is true, the part says STOP to the robot; empty: none."""
     reply: MessageType | None = None
     """Of a service: the fields of the reply."""
+    stops_by: str = ""
+    """What STOP does instead of the safe value: `quick stop`; empty: nothing else."""
     ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     """Field -> the least and the greatest value that makes sense at this port."""
 
