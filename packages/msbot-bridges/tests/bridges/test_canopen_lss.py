@@ -20,7 +20,8 @@ from msbot.part.messages.standard import Switch
 from msbot_bridges.canbus import open_bus
 from msbot_bridges.canopen.canopen_bus import BridgeNetwork
 from msbot_bridges.canopen.simulated.drive import SimulatedDrive
-from msbot_bridges.canopen.simulated.lss_slave import LssSlave, UnnumberedDevice
+from msbot_bridges.canopen.simulated.lss_slave import LssSlave
+from msbot_bridges.canopen.simulated.unnumbered_device import UnnumberedDevice
 
 ONE, OTHER = LssAddress(0x4D53, 0x402, 0x10000, 7), LssAddress(0x4D53, 0x402, 0x10000, 0xFFFFFFFF)
 

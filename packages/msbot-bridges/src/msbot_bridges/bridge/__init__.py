@@ -9,6 +9,7 @@ from msbot_bridges.bridge.bridged_part import BridgedPart
 from msbot_bridges.bridge.can_claim import BridgeTraffic, CanClaim, Identifiers
 from msbot_bridges.bridge.contract import (
     BridgeLink,
+    DeviceChange,
     DeviceIdentity,
     DeviceOutput,
     DeviceService,
@@ -33,6 +34,7 @@ __all__ = [
     "BridgeTraffic",
     "BridgedPart",
     "CanClaim",
+    "DeviceChange",
     "DeviceIdentity",
     "DeviceOutput",
     "DeviceService",

@@ -269,6 +269,27 @@ class SimulatedDevice(Protocol):
         """Run until cancelled."""
 
 
+class DeviceChange(Protocol):
+    """Something that is done to devices once, by a person, while no bridge is there; its methods wait for them."""
+
+    def prepare(self) -> str:
+        """Look whether it can be done; returns what the person is to agree to.
+
+        Raises:
+            MsbotError: it cannot; nothing has changed.
+        """
+
+    def undo(self) -> None:
+        """The person does not agree."""
+
+    def carry_out(self, say: Callable[[str], None]) -> None:
+        """Do it.
+
+        Raises:
+            MsbotError: it was not done; the text says how the devices are now.
+        """
+
+
 @dataclass(frozen=True, slots=True)
 class Fit:
     """A standard message, and what of a world fills it."""
@@ -316,6 +337,9 @@ class WorldKind:
     simulated device is for, so that it can be pulled out and plugged in again."""
     network: Callable[[BridgeLink], AbstractAsyncContextManager[BridgeLink]] | None = None
     """Brings up the network where an address asks for one of MsBOT's own, and gives where it then is."""
+
+    change_bit_rate: Callable[[BridgeLink, int], DeviceChange] | None = None
+    """Gives all devices of a bus another bit rate; None: this world cannot."""
 
     def reached(self, link: BridgeLink) -> AbstractAsyncContextManager[BridgeLink]:
         """Where the network is as long as the block runs; see `network`."""

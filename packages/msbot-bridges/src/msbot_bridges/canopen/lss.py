@@ -124,6 +124,11 @@ def number_one(ids: LssNodeIds, taken: Collection[int]) -> Questions:
     return Numbered(address, node_id, answer is not None and answer[0] == STORE and not answer[1])
 
 
+def any_unnumbered() -> Generator[LssQuestion, bytes | None, str]:
+    """Whether a device without a node id is there, in words; empty: none is."""
+    return "is there" if (yield _scan(0, _ANYBODY, 0, 0)) is not None else ""
+
+
 def _scan(number: int, bit: int, place: int, following: int) -> LssQuestion:
     return LssQuestion(bytes([FASTSCAN, *number.to_bytes(4, "little"), bit, place, following]))
 

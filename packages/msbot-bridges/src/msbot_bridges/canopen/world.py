@@ -10,6 +10,7 @@ from msbot_bridges.bridge import (
     BridgeLink,
     BridgeTraffic,
     CanClaim,
+    DeviceChange,
     Fit,
     Identifiers,
     SimulatedDevice,
@@ -38,6 +39,15 @@ def open_world(link: BridgeLink) -> World:
     return CanopenWorld(link.address, EdsFolder(Path(folder) if folder else None), gives_ids=lss == "yes")
 
 
+def _change_bit_rate(link: BridgeLink, bit_rate: int) -> DeviceChange:
+    check_address(link.address)
+    try:
+        from msbot_bridges.canopen.bit_rate_change import BitRateChange
+    except ModuleNotFoundError as error:
+        raise _missing(error) from error
+    return BitRateChange(link.address, bit_rate)
+
+
 def _drive(link: BridgeLink, options: Mapping[str, Any]) -> SimulatedDevice:
     return _simulated(link, options, "drive", 5)
 
@@ -58,7 +68,7 @@ def _simulated(link: BridgeLink, options: Mapping[str, Any], name: str, otherwis
     try:
         from msbot_bridges.canopen.simulated.drive import SimulatedDrive
         from msbot_bridges.canopen.simulated.io_module import SimulatedIo
-        from msbot_bridges.canopen.simulated.lss_slave import UnnumberedDevice
+        from msbot_bridges.canopen.simulated.unnumbered_device import UnnumberedDevice
     except ModuleNotFoundError as error:
         raise _missing(error) from error
     kind = SimulatedDrive if name == "drive" else SimulatedIo
@@ -109,5 +119,6 @@ WORLD = WorldKind(
     simulated={"drive": _drive, "io": _io},
     fits=_fits,
     can=CLAIM,
+    change_bit_rate=_change_bit_rate,
     numbers={"drive": "vendor-0x4d53:SimDrive", "io": "vendor-0x4d53:SimIO"},
 )

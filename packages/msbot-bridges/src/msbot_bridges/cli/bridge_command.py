@@ -39,6 +39,14 @@ if TYPE_CHECKING:
     default="",
     help="Simulate a device there instead of bridging; takes --option, too.",
 )
+@click.option(
+    "--set-bitrate",
+    "bit_rate",
+    type=int,
+    metavar="BIT/S",
+    help="Give all devices there this bit rate instead of bridging, where they can be told (CANopen).",
+)
+@click.option("--yes", is_flag=True, help="With --set-bitrate: do not ask.")
 @click.option("-q", "--quiet", is_flag=True, help="Print only problems.")
 @click.option("--end-with-stdin", is_flag=True, hidden=True)
 @json_option
@@ -49,6 +57,8 @@ def command(
     robot_link: str,
     options: tuple[str, ...],
     simulate: str,
+    bit_rate: int | None,
+    yes: bool,
     quiet: bool,
     end_with_stdin: bool,
     as_json: bool,
@@ -74,6 +84,9 @@ def command(
         _simulate(world, kind, simulate, link, quiet=quiet, end_with_stdin=end_with_stdin)
         return
     kind.check(world, link)
+    if bit_rate is not None:
+        _set_bit_rate(world, kind, link, bit_rate, agreed=yes)
+        return
     _check_bus(world, kind, address, robot_link)
     _bridge(kind, link, robot_link, quiet=quiet)
 
@@ -107,6 +120,23 @@ def _link(address: str, options: tuple[str, ...]) -> BridgeLink:
             raise ConfigError(f"--option {option}: write NAME=VALUE")
         given[name] = value
     return BridgeLink(address, given)
+
+
+def _set_bit_rate(world: str, kind: WorldKind, link: BridgeLink, bit_rate: int, *, agreed: bool) -> None:
+    if kind.change_bit_rate is None:
+        raise ConfigError(f"--set-bitrate: devices of {world} cannot be told their bit rate by a bridge")
+    change = kind.change_bit_rate(link, bit_rate)
+    question = change.prepare()
+    try:
+        is_agreed = agreed or click.confirm(f"{question}. Change it?")
+    except click.Abort:
+        change.undo()
+        raise
+    if not is_agreed:
+        change.undo()
+        click.echo("Nothing has changed.")
+        return
+    change.carry_out(click.echo)
 
 
 def _check_bus(world: str, kind: WorldKind, address: str, robot_link: str) -> None:

@@ -28,11 +28,16 @@ from canopen.objectdictionary import (
 import can
 from msbot_bridges.canbus import open_bus
 from msbot_bridges.canopen.canopen_bus import HEARTBEAT, SYNC_ID, BridgeNetwork
+from msbot_bridges.canopen.lss import ANSWER_ID as LSS_ANSWER
+from msbot_bridges.canopen.lss import REQUEST_ID as LSS_REQUEST
 from msbot_bridges.canopen.lss import LssAddress
 from msbot_bridges.canopen.objects import GUARD_TIME, PRODUCT, REVISION, SERIAL, VENDOR, Entry
+from msbot_bridges.canopen.simulated.lss_slave import LssSlave
 from msbot_xrce.errors import LinkDown
 
 STEP_S: Final = 0.01
+AGAIN_S: Final = 10.0
+"""Longest wait for a bus that has another bit rate than it has itself."""
 OPERATIONAL: Final = 5
 SYNCHRONOUS: Final = 240
 """Up to this transmission type a PDO is sent with every so many SYNCs."""
@@ -47,6 +52,12 @@ _KINDS: Final = {
     (16, True): INTEGER16,
     (32, True): INTEGER32,
 }
+
+
+def at_bit_rate(address: str, bit_rate: int | None) -> str:
+    """The address of the same bus at another bit rate; None: at that which it has."""
+    path = address.partition("?")[0]
+    return address if bit_rate is None else f"{path}?bitrate={bit_rate}"
 
 
 def add(dictionary: ObjectDictionary, name: str, entry: Entry, value: int, *, is_writable: bool = True) -> None:
@@ -109,6 +120,8 @@ class LocalDevice(ABC):
 
     def __init__(self, address: str, node_id: int, dictionary: ObjectDictionary) -> None:
         self.node = canopen.LocalNode(node_id, dictionary)
+        self.slave = LssSlave(self.lss_address)
+        self.slave.node_id = node_id
         self._address = address
         self._ended = threading.Event()
         self._sent_at = dict[int, float]()
@@ -136,16 +149,38 @@ class LocalDevice(ABC):
         self._ended.set()
 
     def run_in_thread(self) -> None:
-        """Run until `end`.
+        """Run until `end`; at another bit rate, once it was told so.
 
         Raises:
             LinkDown: the bus cannot be opened, or has ended.
         """
-        network = BridgeNetwork(open_bus(self._address), self._frame, self._asked)
+        bus = open_bus(self._address)
+        while True:
+            self._run_on(bus)
+            pause_ms, self.slave.switches_after_ms = self.slave.switches_after_ms, None
+            if self._ended.is_set() or pause_ms is None or self._ended.wait(2 * pause_ms / 1000):
+                return
+            self._address = at_bit_rate(self._address, self.slave.bit_rate)
+            bus = self._opened_again()
+
+    def _opened_again(self) -> can.BusABC:
+        """Others may still be on their way to the new bit rate."""
+        until = time.monotonic() + AGAIN_S
+        while True:
+            try:
+                return open_bus(self._address)
+            except LinkDown:
+                if time.monotonic() > until or self._ended.wait(STEP_S):
+                    raise
+
+    def _run_on(self, bus: can.BusABC) -> None:
+        network = BridgeNetwork(bus, self._frame, self._asked)
         try:
             network.connect()
             network.add_node(self.node)
-            while not self._ended.is_set():
+            if self.node.nmt.state != "INITIALISING":
+                self.node.nmt.start_heartbeat(int.from_bytes(self.node.get_data(0x1017, 0), "little"))
+            while not self._ended.is_set() and self.slave.switches_after_ms is None:
                 network.check()
                 self._try_to_live()
                 time.sleep(STEP_S)
@@ -154,6 +189,8 @@ class LocalDevice(ABC):
         finally:
             self.node.nmt.stop_heartbeat()
             network.disconnect()
+            if self.node.id in network:
+                del network[self.node.id]  # it may be on another one next
 
     # For the kinds
 
@@ -176,7 +213,12 @@ class LocalDevice(ABC):
     @property
     def lss_address(self) -> LssAddress:
         """Who it is."""
-        return LssAddress(*map(self.get, (VENDOR, PRODUCT, REVISION, SERIAL)))
+        return LssAddress(*(self._number(one) for one in (VENDOR, PRODUCT, REVISION, SERIAL)))
+
+    def _number(self, entry: Entry) -> int:
+        """A value; 0: it has no such entry."""
+        record = self.node.object_dictionary.get(entry.index)
+        return self.get(entry) if record is not None and entry.subindex in record else 0
 
     @property
     def is_operational(self) -> bool:
@@ -185,9 +227,11 @@ class LocalDevice(ABC):
 
     # Inside
 
-    def _frame(self, can_id: int, _data: bytes) -> None:
+    def _frame(self, can_id: int, data: bytes) -> None:
         if can_id == SYNC_ID:
             self._syncs += 1
+        elif can_id == LSS_REQUEST and len(data) == 8 and (answer := self.slave.received(data)) is not None:
+            self.node.network.send_message(LSS_ANSWER, answer)
 
     def _asked(self, can_id: int) -> None:
         """Node guarding: the state, and a bit that is another one each time."""

@@ -1,34 +1,19 @@
-"""A device without a node id: the other side of layer setting services (LSS, CiA 305).
+"""The other side of layer setting services (LSS, CiA 305): a device that has, or waits for, a node id and a bit rate.
 
 The library has no such side; its own master has found and configured this one in a test.
 """
 
 from __future__ import annotations
 
-import asyncio
-import threading
-from collections.abc import Callable
+from collections.abc import Sequence
 from typing import Final
 
-import can
-from msbot_bridges.canbus import FrameSender, open_bus
-from msbot_bridges.canopen.lss import (
-    ANSWER_ID,
-    CONFIGURE_ID,
-    FASTSCAN,
-    IDENTIFIED,
-    REQUEST_ID,
-    STORE,
-    SWITCH_GLOBAL,
-    LssAddress,
-)
-from msbot_bridges.canopen.simulated.local_device import LocalDevice
-from msbot_xrce.errors import LinkDown
+from msbot_bridges.canopen.lss import CONFIGURE_ID, FASTSCAN, IDENTIFIED, STORE, SWITCH_GLOBAL, LssAddress
+from msbot_bridges.canopen.lss_bit_rates import ACTIVATE_TIMING, BIT_RATES, CONFIGURE_TIMING, SELECT, SELECTED
 
-WAIT_S: Final = 0.1
 _ALL_BITS: Final = 0xFFFFFFFF
 _ANYBODY: Final = 0x80
-_SELECT, _SELECTED, _TELL_ADDRESS, _TELL_ID = 0x40, 0x44, 0x5A, 0x5E
+_TELL_ADDRESS, _TELL_ID = 0x5A, 0x5E
 _NO_ID: Final = 0xFF
 
 
@@ -37,14 +22,19 @@ class LssSlave:
 
     Args:
         address: who it is.
+        bit_rates: those that it can have.
     """
 
-    def __init__(self, address: LssAddress) -> None:
+    def __init__(self, address: LssAddress, bit_rates: Sequence[int] = BIT_RATES) -> None:
         self.node_id: int | None = None
+        self.bit_rate: int | None = None
+        """What it was told to have; None: nothing else than it has."""
+        self.switches_after_ms: int | None = None
+        """It was told to change to that after so long, and to be silent for as long again; None: it was not."""
         self.is_stored = False
         self.is_started = False
         """It has got a node id, and was told to start with it."""
-        self._address = address
+        self._address, self._bit_rates = address, bit_rates
         self._is_configured = False
         """It is the one that is being configured."""
         self._place = 0
@@ -59,14 +49,21 @@ class LssSlave:
             case command if command == SWITCH_GLOBAL:
                 self._is_configured = bool(data[1])
                 self.is_started = not data[1] and self.node_id is not None
-            case command if _SELECT <= command < _SELECT + 4:
-                return self._select(command - _SELECT, number)
+            case command if SELECT <= command < SELECT + 4:
+                return self._select(command - SELECT, number)
             case command if not self._is_configured:
                 return None
             case command if command == CONFIGURE_ID:
                 is_right = 1 <= data[1] <= 127
                 self.node_id = data[1] if is_right else self.node_id
                 return _answer(command, 0 if is_right else 1)
+            case command if command == CONFIGURE_TIMING:
+                is_right = data[1] == 0 and data[2] < len(BIT_RATES) and BIT_RATES[data[2]] in self._bit_rates
+                self.bit_rate = BIT_RATES[data[2]] if is_right else self.bit_rate
+                return _answer(command, 0 if is_right else 1)
+            case command if command == ACTIVATE_TIMING:
+                self.switches_after_ms = int.from_bytes(data[1:3], "little")
+                return None
             case command if command == STORE:
                 self.is_stored = True
                 return _answer(command, 0)
@@ -95,66 +92,7 @@ class LssSlave:
         if self._selected < len(self._address):
             return None
         self._selected, self._is_configured = 0, True
-        return _answer(_SELECTED)
-
-
-class UnnumberedDevice:
-    """A simulated device that waits for its node id, and then is what it is; it keeps the id until it ends.
-
-    Args:
-        address: `INTERFACE:CHANNEL[?bitrate=N]` of python-can.
-        who: its LSS address.
-        make: makes the device with a node id.
-    """
-
-    def __init__(self, address: str, who: LssAddress, make: Callable[[int], LocalDevice]) -> None:
-        self.slave = LssSlave(who)
-        self.device: LocalDevice | None = None
-        self._address, self._make = address, make
-        self._ended = threading.Event()
-
-    async def run(self) -> None:
-        """See `SimulatedDevice`."""
-        running = asyncio.create_task(asyncio.to_thread(self.run_in_thread))
-        try:
-            await asyncio.wait([running])
-        finally:
-            self.end()
-            await asyncio.gather(running, return_exceptions=True)
-        running.result()
-
-    def end(self) -> None:
-        """Pull it off its bus."""
-        self._ended.set()
-        if self.device is not None:
-            self.device.end()
-
-    def run_in_thread(self) -> None:
-        """Run until `end`.
-
-        Raises:
-            LinkDown: the bus cannot be opened, or has ended.
-        """
-        self._wait_for_id()
-        if self.slave.is_started and self.slave.node_id is not None:
-            self.device = self._make(self.slave.node_id)
-            if not self._ended.is_set():
-                self.device.run_in_thread()
-
-    def _wait_for_id(self) -> None:
-        bus = open_bus(self._address)
-        sender = FrameSender(bus)
-        try:
-            while not (self._ended.is_set() or self.slave.is_started):
-                message = bus.recv(WAIT_S)
-                if message is None or message.is_extended_id or message.arbitration_id != REQUEST_ID:
-                    continue
-                if len(message.data) == 8 and (answer := self.slave.received(bytes(message.data))) is not None:
-                    sender.send(can.Message(arbitration_id=ANSWER_ID, data=answer, is_extended_id=False))
-        except can.CanError as error:
-            raise LinkDown(f"{self._address}: {error}") from error
-        finally:
-            bus.shutdown()
+        return _answer(SELECTED)
 
 
 def _answer(*octets: int) -> bytes:
