@@ -15,6 +15,7 @@ from msbot.part.messages.standard import Angle
 from msbot_bridges.bridge import BridgeLink, worlds
 from msbot_bridges.canbus import open_bus
 from tests.bridges.hosts import Reports, in_thread, running
+from tests.bridges.test_cyphal import in_the_robot, plugged
 
 pytest.importorskip("canopen")
 pytest.importorskip("dronecan")
@@ -74,8 +75,15 @@ def seeming(random: Random) -> can.Message:
     )
 
 
+def broken(random: Random) -> can.Message:
+    """Frames of few transfers with wrong toggle bits, numbers and lengths: orders, states, questions of node 7."""
+    identifier = random.choice((0x0803F207, 0x10015507, 0x1E0BAA87, 0x1E01AA87))
+    data = random.randbytes(7) + bytes([random.choice((0x80, 0x00, 0x20, 0x40, 0x60, 0xC0))])
+    return can.Message(arbitration_id=identifier, is_extended_id=True, data=data[random.choice((0, 0, 0, 5, 8)) :])
+
+
 @pytest.mark.timeout(300)
-@pytest.mark.parametrize("make", [beginning, seeming])
+@pytest.mark.parametrize("make", [beginning, seeming, broken])
 @pytest.mark.promise("Nodes that flood a CAN bus with half transfers or node ids do not keep STOP from a device")
 async def test_a_servo_is_stopped_beside_a_flood(make: Callable[[Random], can.Message]) -> None:
     bus, ended = f"msbot:{uuid4().hex[:12]}", threading.Event()
@@ -91,6 +99,32 @@ async def test_a_servo_is_stopped_beside_a_flood(make: Callable[[Random], can.Me
             device.stop()
             await host.until(lambda: not device.not_stopped)
         assert abs(servo.position) < 0.06
+        assert sum("cannot be read" in host.said.get_nowait() for _ in range(host.said.qsize())) <= 1, "it is said once"
+
+
+def damaged(random: Random) -> can.Message:
+    """Of Cyphal: heartbeats of nodes that do not answer, half transfers, wrong toggle bits, frames without data."""
+    node = random.choice([one for one in range(1, 125) if one != 42])
+    identifier = random.choice((0x107D5500, 0x10004500, 0x1067FE00, 0x0C7D2A00)) | node
+    tail = random.choice((0xE0, 0x80, 0xA0, 0x00, 0x60, 0xC0)) | random.randrange(32)
+    data = random.randbytes(7) + bytes([tail])
+    return can.Message(arbitration_id=identifier, is_extended_id=True, data=data[random.choice((0, 0, 0, 5, 8)) :])
+
+
+@pytest.mark.timeout(300)
+@pytest.mark.promise("Nodes that flood a CAN bus with half transfers or node ids do not keep STOP from a device")
+async def test_a_cyphal_servo_is_stopped_beside_a_flood() -> None:
+    async with plugged("servo") as (node, device, host):
+        servo, reports = await in_the_robot(device, host)
+        ended = threading.Event()
+        async with in_thread(lambda: flood(node._address, damaged, ended), ended.set):
+            servo.act("angle", Angle(degrees=30))
+            await reports.until(lambda last: getattr(last.get("position"), "degrees", 0.0) > 29)
+            servo.stop()
+            await host.until(lambda: not servo.not_stopped)
+            assert node.readiness == 2
+        said = [host.said.get_nowait() for _ in range(host.said.qsize())]
+        assert len(said) == len(set(said)), "each is said once"
 
 
 async def test_another_allocator_is_named_once_and_nodes_get_ids() -> None:

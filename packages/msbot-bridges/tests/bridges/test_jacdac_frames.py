@@ -22,6 +22,7 @@ from msbot_bridges.jacdac.jacdac_bus import (
     ASK_TIMES,
     LOST_S,
     MOST_MODULES,
+    MOST_REGISTERS,
     JacdacBus,
     ModuleFound,
     ModuleLost,
@@ -169,3 +170,12 @@ def test_more_modules_than_there_is_room_for_are_counted() -> None:
         bus.receive(announce(number.to_bytes(8, "little"), SERVO), 0.0)
     assert len(bus.modules) == MOST_MODULES
     assert bus.left_out == 5
+
+
+def test_registers_that_nobody_has_asked_for_have_a_bound() -> None:
+    module = found(JacdacBus(), SERVO).module
+    for number in range(2 * MOST_REGISTERS):
+        module.answered((number >> 12, number & 0xFFF), b"x")
+    assert len(module.known) == MOST_REGISTERS
+    module.answered((0, 1), b"y")
+    assert module.known[0, 1] == b"y", "what is known is still kept up to date"

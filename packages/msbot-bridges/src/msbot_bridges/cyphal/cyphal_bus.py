@@ -92,6 +92,8 @@ class CyphalBus:
         self._doubtful = set[int]()
         """Node ids at which another device may be now; what they report does not count."""
         self._verifying = set[int]()
+        self._silent = set[int]()
+        """Node ids that were said not to answer."""
         self._node_is_closed = False
         self._versions = WeakKeyDictionary[CyphalNode, SoftwareVersion]()
         self._written: dict[tuple[int, str], Value] = {}
@@ -147,7 +149,13 @@ class CyphalBus:
             if (info := await self._registers.info(node_id)) is not None:
                 self._meet(node_id, info)
                 return
-        self._host.say(f"node {node_id} does not answer when it is asked who it is")
+        self._say_silent(node_id, "who it is")
+
+    def _say_silent(self, node_id: int, what: str) -> None:
+        """Once for each, until it answers: heartbeats alone may come and go."""
+        if node_id not in self._silent:
+            self._silent.add(node_id)
+            self._host.say(f"node {node_id} does not answer when it is asked {what}")
 
     def _meet(self, node_id: int, info: Any) -> None:  # noqa: ANN401
         who = self._who[node_id] = _who(info)
@@ -189,8 +197,9 @@ class CyphalBus:
             remark = software.runs(unique_of(node_id, info), version_of(info))
         registers = await self._registers.read_all(node_id)
         if registers is None:
-            self._host.say(f"node {node_id} does not answer when it is asked for its registers")
+            self._say_silent(node_id, "for its registers")
             return
+        self._silent.discard(node_id)
         ports = ports_of(registers)
         self._subjects.uses(node_id, "published", _subjects_of(ports.published))
         self._subjects.uses(node_id, "subscribed", _subjects_of(ports.subscribed))

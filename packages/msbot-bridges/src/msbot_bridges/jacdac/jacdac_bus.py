@@ -36,6 +36,8 @@ LEAST_GAP_S = 0.02
 MOST_MODULES = 120
 """Modules that are known at a time; others are not heard until one is lost."""
 MOST_EVENTS = 4096
+MOST_REGISTERS = 512
+"""Registers of one module that are remembered: more than it is asked for."""
 _MOST_SERVICES = 32
 
 Register = tuple[int, int]
@@ -114,6 +116,8 @@ class Module:
 
     def answered(self, register: Register, data: bytes) -> None:
         """A register has been reported."""
+        if register not in self.known and len(self.known) >= MOST_REGISTERS:
+            return  # nobody has asked for so many
         self.known[register] = data
         if register in self._questions:
             self._questions.remove(register)
