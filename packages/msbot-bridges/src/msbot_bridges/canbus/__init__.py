@@ -1,6 +1,6 @@
 """What the worlds on CAN share: buses of python-can, their addresses, and who may be on one bus"""
 
-from msbot_bridges.canbus.bus import FrameSender, check_address, open_bus
+from msbot_bridges.canbus.bus import FrameSender, check_address, is_fd, open_bus
 from msbot_bridges.canbus.heartbeats import Heartbeats
 from msbot_bridges.canbus.held_bus import held_bus
 from msbot_bridges.canbus.neighbours import BEACON_ID, Neighbours
@@ -15,6 +15,7 @@ __all__ = [
     "check_address",
     "check_one_bus",
     "held_bus",
+    "is_fd",
     "open_bus",
     "robot_on_bus",
 ]

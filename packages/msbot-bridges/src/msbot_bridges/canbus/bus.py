@@ -15,8 +15,12 @@ ALONE_S: Final = 0.02
 """The same after a frame has found none."""
 
 
-def check_address(address: str) -> None:
+def check_address(address: str, *, may_be_fd: bool = False) -> None:
     """Refuse what is no `INTERFACE:CHANNEL[?bitrate=N]`.
+
+    Args:
+        address: as a person wrote it.
+        may_be_fd: its devices may be on CAN FD: `fd=1`, and with it `dbitrate=N`.
 
     Raises:
         ConfigError: the text says what would be right.
@@ -26,12 +30,23 @@ def check_address(address: str) -> None:
         raise ConfigError(f"--link {address}: write INTERFACE:CHANNEL, for example socketcan:can0")
     for pair in filter(None, query.split("&")):
         name, _, value = pair.partition("=")
-        if name != "bitrate" or not value.isdecimal() or not int(value):
-            raise ConfigError(f"--link {address}: after ? there may be bitrate=N in bit/s, for example bitrate=500000")
+        if name in ("fd", "dbitrate") and not may_be_fd:
+            raise ConfigError(f"--link {address}: the bridge for these devices is for classic CAN; leave {name} out")
+        is_rate = name == "bitrate" or (name == "dbitrate" and is_fd(address))
+        if not (is_rate and value.isdecimal() and int(value)) and not (name == "fd" and value in ("0", "1")):
+            with_fd = "; with fd=1, also dbitrate=N" if may_be_fd else ""
+            raise ConfigError(
+                f"--link {address}: after ? there may be bitrate=N in bit/s, for example bitrate=500000{with_fd}"
+            )
+
+
+def is_fd(address: str) -> bool:
+    """Whether it is a bus of CAN FD: it has `fd=1`."""
+    return "fd=1" in address.partition("?")[2].split("&")
 
 
 def open_bus(address: str) -> can.BusABC:
-    """Open `INTERFACE:CHANNEL[?bitrate=N]` of python-can.
+    """Open `INTERFACE:CHANNEL[?bitrate=N]` of python-can, on CAN FD `INTERFACE:CHANNEL?fd=1[&bitrate=N][&dbitrate=N]`.
 
     Raises:
         LinkDown: it cannot be opened.
@@ -40,8 +55,15 @@ def open_bus(address: str) -> can.BusABC:
 
     path, _, query = address.partition("?")
     interface, _, channel = path.partition(":")
-    bitrate = dict(pair.partition("=")[::2] for pair in query.split("&") if pair).get("bitrate")
-    settings: dict[str, Any] = {"bitrate": int(bitrate)} if bitrate else {}
+    options = dict(pair.partition("=")[::2] for pair in query.split("&") if pair)
+    settings: dict[str, Any] = {"bitrate": int(options["bitrate"])} if "bitrate" in options else {}
+    if is_fd(address):
+        if interface == "virtual":  # it has a word of its own for it
+            settings["protocol"] = can.CanProtocol.CAN_FD
+        else:
+            settings["fd"] = True
+        if "dbitrate" in options:
+            settings["data_bitrate"] = int(options["dbitrate"])
     try:
         return can.Bus(channel or None, interface, ignore_config=True, **settings)
     except Exception as error:  # an adapter's library may raise anything

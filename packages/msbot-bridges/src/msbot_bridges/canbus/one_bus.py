@@ -10,6 +10,7 @@ from typing import Final
 from msbot_agent.link.can import parse_target
 from msbot_agent.link.can.protocol import NODES, CanIds
 from msbot_bridges.bridge.can_claim import CanClaim, Identifiers
+from msbot_bridges.canbus.bus import is_fd
 from msbot_xrce.errors import ConfigError
 from msbot_xrce.lazy import dataclass
 
@@ -46,6 +47,11 @@ class OnBus:
         return next((int(value) for name, _, value in pairs if name == "bitrate" and value.isdecimal()), None)
 
     @property
+    def fd(self) -> bool:
+        """Whether its frames are those of CAN FD."""
+        return self.claim.fd or is_fd(self.address)
+
+    @property
     def _target(self) -> str:
         scheme, _, rest = self.address.strip().partition(":")
         if scheme.lower() not in _ROBOT_SCHEMES:
@@ -60,8 +66,7 @@ def robot_on_bus(address: str) -> OnBus | None:
     identifiers = _ROBOT_SCHEMES.get(scheme.lower()) if colon else None
     if identifiers is None:
         return None
-    options = address.partition("?")[2].split("&")
-    fd = scheme.lower() == "canfd" or "fd=1" in options
+    fd = scheme.lower() == "canfd" or is_fd(address)
     return OnBus("the robot's own parts", address, CanClaim(identifiers, fd=fd))
 
 
@@ -89,8 +94,8 @@ def _disturbance(one: OnBus, other: OnBus) -> str:
         return "one finds all devices; leave one of them out"
     if one.bitrate and other.bitrate and one.bitrate != other.bitrate:
         return f"it cannot have {one.bitrate} and {other.bitrate} bit/s; give both the same bitrate="
-    if one.claim.fd != other.claim.fd:
-        with_it, without = (one, other) if one.claim.fd else (other, one)
+    if one.fd != other.fd:
+        with_it, without = (one, other) if one.fd else (other, one)
         return f"{without.who} would destroy the CAN FD frames of {with_it.who}; use a bus for each"
     for mine in one.claim.identifiers:
         for yours in other.claim.identifiers:

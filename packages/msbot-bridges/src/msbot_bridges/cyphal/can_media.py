@@ -40,6 +40,7 @@ class PythonCanMedia(Media):  # type: ignore[misc]  # the library is not looked 
         bus: it stays open.
         failed: called in the event loop, once, when the bus has ended.
         standard: called in the event loop with a frame that may be a BEACON of MsBOT's own parts.
+        fd: send frames of CAN FD, with up to 64 octets; both kinds are heard.
     """
 
     def __init__(
@@ -47,7 +48,10 @@ class PythonCanMedia(Media):  # type: ignore[misc]  # the library is not looked 
         bus: can.BusABC,
         failed: Callable[[Exception], None] = lambda _: None,
         standard: Callable[[int, bytes], None] = lambda _id, _data: None,
+        *,
+        fd: bool = False,
     ) -> None:
+        self._fd = fd
         self._standard = standard
         self._bus, self._sender, self._failed = bus, FrameSender(bus), failed
         self._loop = asyncio.get_running_loop()
@@ -73,8 +77,8 @@ class PythonCanMedia(Media):  # type: ignore[misc]  # the library is not looked 
 
     @property
     def mtu(self) -> int:
-        """See `Media`: classic CAN."""
-        return 8
+        """See `Media`: octets of a frame."""
+        return 64 if self._fd else 8
 
     @property
     def number_of_acceptance_filters(self) -> int:
@@ -103,7 +107,12 @@ class PythonCanMedia(Media):  # type: ignore[misc]  # the library is not looked 
                 frame = envelope.frame
                 extended = frame.format == FrameFormat.EXTENDED
                 message = can.Message(
-                    arbitration_id=frame.identifier, is_extended_id=extended, data=frame.data, check=False
+                    arbitration_id=frame.identifier,
+                    is_extended_id=extended,
+                    data=frame.data,
+                    is_fd=self._fd,
+                    bitrate_switch=self._fd,
+                    check=False,
                 )
                 heapq.heappush(self._waiting, (frame.identifier, next(self._numbers), monotonic_deadline, message))
                 sent += 1

@@ -22,7 +22,7 @@ from pycyphal.transport.can import CANTransport
 
 import can
 from msbot_bridges.bridge import DeviceIdentity, ForeignDevice, Value, WorldHost
-from msbot_bridges.canbus import Heartbeats, Neighbours
+from msbot_bridges.canbus import Heartbeats, Neighbours, is_fd
 from msbot_bridges.canbus.image_folder import ImageFolder
 from msbot_bridges.canbus.software_update import SoftwareVersion
 from msbot_bridges.cyphal.aspect import READINESS, Builtin
@@ -99,7 +99,9 @@ class CyphalBus:
         self._written: dict[tuple[int, str], Value] = {}
         self._ids, self._subjects = GivenNodeIds(), Subjects()
         self._neighbours = Neighbours(address, f"node {node_id}", host.say)
-        self._bus, self._media = bus, PythonCanMedia(bus, failed, self._neighbours.standard)
+        self._bus, self._media = bus, PythonCanMedia(
+            bus, failed, self._neighbours.standard, fd=is_fd(address)
+        )
         transport = CANTransport(self._media, node_id)
         registry = pycyphal.application.make_registry(environment_variables={})
         info = pycyphal.application.NodeInfo(name="org.msbot.bridge")

@@ -57,7 +57,7 @@ def _check(link: BridgeLink) -> None:
     for library in ("pycyphal", "can"):
         if find_spec(library) is None:
             raise ConfigError(f"Cyphal takes the library {library}: pip install 'msbot-bridges[cyphal]'")
-    check_address(link.address)
+    check_address(link.address, may_be_fd=True)
 
 
 def _fits() -> Sequence[Fit]:

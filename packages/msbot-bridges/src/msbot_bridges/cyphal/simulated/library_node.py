@@ -23,7 +23,7 @@ from pycyphal.application.register import Value
 from pycyphal.transport.can import CANTransport
 
 import can
-from msbot_bridges.canbus import open_bus
+from msbot_bridges.canbus import is_fd, open_bus
 from msbot_bridges.canbus.image_folder import MOST_OCTETS
 from msbot_bridges.cyphal.can_media import PythonCanMedia
 from msbot_xrce.errors import LinkDown
@@ -38,7 +38,7 @@ class LibraryNode(ABC):
     """One device; its registers survive a restart, as long as it runs.
 
     Args:
-        address: `INTERFACE:CHANNEL[?bitrate=N]` of python-can.
+        address: `INTERFACE:CHANNEL[?bitrate=N]` of python-can; with `fd=1` on CAN FD.
         node_id: where it is on its bus; 0: it asks for a node id.
         number: of this one, of those that are of one kind.
     """
@@ -84,7 +84,7 @@ class LibraryNode(ABC):
             await asyncio.to_thread(bus.shutdown)
 
     async def _run_once(self, bus: can.BusABC, registers: Path) -> None:
-        media = PythonCanMedia(bus, self._failed)
+        media = PythonCanMedia(bus, self._failed, fd=is_fd(self._address))
         registry = await asyncio.to_thread(pycyphal.application.make_registry, registers, {})
         info = pycyphal.application.NodeInfo(
             name=f"org.msbot.{self.product}",
@@ -121,7 +121,7 @@ class LibraryNode(ABC):
         self._again.set()
 
     async def _ask_for_id(self, bus: can.BusABC) -> int:
-        media = PythonCanMedia(bus, self._failed)
+        media = PythonCanMedia(bus, self._failed, fd=is_fd(self._address))
         transport = CANTransport(media, None)
         asking = Allocatee(transport, self.unique_id)
         try:
