@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from itertools import pairwise
 from typing import Any
 
 import pytest
 
 from examples.extension.src.msbot_hello.bridge import Lamp
-from msbot import Level
+from msbot import Level, Message
 from msbot.config import load_library
 from msbot.config.library.description_reader import read_description
 from msbot.part.description import describe
 from msbot.testing import robot_for
-from msbot_bridges.bridge import BridgedPart, DeviceIdentity, DeviceSetting
+from msbot_bridges.bridge import BridgedPart, DeviceIdentity, DeviceSetting, Input
 
 Robot = Any
 
@@ -56,6 +57,66 @@ def test_a_lost_partner_leaves_the_safe_value() -> None:
         robot.send("power", Level(percent=40))
         robot.unplug_partner()
         assert lamp.percent == 0.0
+
+
+class Listening(Lamp):
+    """One that writes down how it was told."""
+
+    def __init__(self) -> None:
+        super().__init__(b"1", lambda _: None)
+        self.story: list[tuple[str, str, Message]] = []
+
+    def act(self, port: str, message: Message) -> None:
+        self.story.append(("act", port, message))
+        super().act(port, message)
+
+    def rests_at(self, port: str, message: Message) -> None:
+        self.story.append(("rests_at", port, message))
+        super().act(port, message)
+
+    def safe_is(self, port: str, message: Message) -> None:
+        self.story.append(("safe_is", port, message))
+
+
+def test_a_safe_value_of_the_slot_comes_as_such_without_partner_at_stop_and_at_the_end() -> None:
+    lamp, most, few = Listening(), Level(percent=40), Level(percent=20)
+    bridged = BridgedPart(lamp)
+    with robot_for(bridged.part, settings={"power.safe.percent": 20}) as robot:
+        robot.send("power", most)
+        robot.unplug_partner()
+        robot.plug_partner()
+        robot.send("power", few)
+        robot.stop()
+        robot.advance(0.5)
+        robot.go()
+        robot.advance(0.5)
+        robot.unplug()
+    steps = [step for before, step in pairwise([None, *lamp.story]) if step != before]
+    assert steps == [
+        ("act", "power", most),
+        ("rests_at", "power", few),
+        ("act", "power", few),  # the same value of a partner is an order
+        ("safe_is", "power", few),
+        ("rests_at", "power", few),
+    ]
+
+
+def test_a_port_of_which_the_robot_says_nothing_is_safe_when_the_part_leaves() -> None:
+    lamp = Listening()
+    bridged = BridgedPart(lamp)
+    with robot_for(bridged.part) as robot:
+        bridged.part._runner.safety.configure({})  # it has no wire, and a person drives it
+        robot.send("power", Level(percent=40))
+        robot.unplug()
+        assert lamp.story[-1] == ("rests_at", "power", Level(percent=0))
+
+
+def test_what_stop_does_instead_of_a_safe_value_is_in_the_description() -> None:
+    lamp = Lamp(b"1", lambda _: None)
+    lamp.inputs = (Input("power", Level, safe=Level(percent=0), stops_by="quick stop"),)
+    text = describe("hello:lamp", "lamp", BridgedPart(lamp).part.program)
+    found = read_description(text, "hello:lamp", load_library()).part_type
+    assert {port.name: port.stops_by for port in found.ports} == {"brightness": "", "power": "quick stop"}
 
 
 def test_stop_is_confirmed_when_the_device_reports_it_and_not_before() -> None:

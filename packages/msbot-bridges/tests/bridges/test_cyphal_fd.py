@@ -125,5 +125,5 @@ def test_an_address_that_makes_no_sense_is_refused(address: str, words: str) -> 
 def test_devices_of_classic_can_are_on_no_bus_of_can_fd() -> None:
     with pytest.raises(ConfigError, match="the bridge for these devices is for classic CAN; leave fd out"):
         CANOPEN.open(BridgeLink("socketcan:can0?fd=1"))
-    with pytest.raises(ConfigError, match=r"would destroy the CAN FD frames of cyphal .*; use a bus for each"):
+    with pytest.raises(ConfigError, match=r"would destroy the CAN FD frames of cyphal; use a bus for each"):
         RUNNER.check([BridgeTable("cyphal", "msbot:x?fd=1"), BridgeTable("canopen", "msbot:x")])

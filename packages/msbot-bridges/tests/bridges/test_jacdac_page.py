@@ -102,6 +102,36 @@ async def test_a_servo_is_found_driven_stopped_and_missed(browser: Browser, worl
         assert (await world[1].lost_why.get()).endswith("it has sent nothing for 2 s")
 
 
+async def test_a_servo_holds_the_safe_value_of_its_slot_with_power(
+    browser: Browser, world: tuple[JacdacWorld, Host]
+) -> None:
+    async with asyncio.timeout(300):
+        page = await simulated(browser, world[0], "servo")
+        server = SERVER % "servo"
+        device = await world[1].devices.get()
+        device.begin(lambda _port, _message: None)
+        device.act("angle", Angle(degrees=40))
+        await until(page, f"Math.abs({server}.angle.values()[0] - 40) < 0.5")
+        device.safe_is("angle", Angle(degrees=-30))
+        device.stop()
+        assert device.not_stopped == "angle has not reported its safe value"
+        while device.not_stopped:
+            world[1].told.clear()
+            device.stop()
+            with suppress(TimeoutError):
+                async with asyncio.timeout(1):
+                    await world[1].told.wait()
+        assert await page.evaluate(f"{server}.angle.values()[0]") == -30
+        assert await page.evaluate(f"!!{server}.enabled.values()[0]")
+        device.go()
+        device.act("angle", Angle(degrees=40))
+        await until(page, f"Math.abs({server}.angle.values()[0] - 40) < 0.5")
+        device.rests_at("angle", Angle(degrees=20))
+        device.rest()
+        await until(page, f"Math.abs({server}.angle.values()[0] - 20) < 0.5")
+        await page.close()
+
+
 async def test_a_button_is_heard_at_once(browser: Browser, world: tuple[JacdacWorld, Host]) -> None:
     async with asyncio.timeout(300):
         page = await simulated(browser, world[0], "button")

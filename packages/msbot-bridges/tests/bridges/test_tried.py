@@ -26,6 +26,11 @@ RANGE = "test_a_range_finder_gets_subjects_and_is_heard_and_missed"
 CYPHAL_SPARE = "test_a_cyphal_servo_takes_the_slot_of_a_dronecan_servo"
 CYPHAL_SERVO = "test_a_servo_is_engaged_told_and_stopped"
 NODE = "test_a_genuine_node_is_found_with_the_ports_of_what_it_sends_and_is_missed"
+SAFE_ON_CAN = "test_a_slot_says_what_stop_and_leaving_leave_a_device_with"
+SAFE_CYPHAL = "test_the_safe_value_of_the_library_is_sent_and_waited_for"
+SAFE_MQTT = "test_mqtt_is_ordered_it_with_and_without_a_wire_and_reports_it"
+SAFE_MODBUS = "test_modbus_writes_it_and_waits_until_it_is_read_back"
+SAFE_MODULE = "test_a_servo_holds_the_safe_value_of_its_slot_with_power"
 
 TRIED = {
     "found, described": (NODE, RANGE, DRIVE, LAMP, PUMP, MODULE),
@@ -38,6 +43,7 @@ TRIED = {
         PUMP,
         MODULE,
     ),
+    "`[slot.safe]`": (SAFE_ON_CAN, SAFE_CYPHAL, SAFE_ON_CAN, SAFE_MQTT, SAFE_MODBUS, SAFE_MODULE),
     "adopted, recorded, lost, explained": (WHOLE,) * 6,
     "a device of the same type gets slot and settings; undone": (LIKE, SET, LIKE, SET, LIKE_PUMP, LIKE_MODULE),
     "a spare of another world": (SWAP, CYPHAL_SPARE, SWAP, SPARE, SPARE_BACK, EITHER),

@@ -24,6 +24,8 @@ from msbot_xrce.errors import ConfigError, LinkError, MsbotError
 
 AGAIN_S = 0.2
 """Time after which a device that has not reported that it has stopped is told so again."""
+LATE_S = 1.0
+"""Time after which the robot's log says why STOP is not confirmed."""
 EXPLAIN_S = 10.0
 """Longest time in which a robot is told why a device stays away."""
 RESTART_S = 2.0
@@ -56,6 +58,9 @@ class BridgedPart:
         self._is_over = asyncio.Event()
         self._changed = asyncio.Event()
         self._again: asyncio.TimerHandle | None = None
+        self._told_at: float | None = None
+        """When the device was told to stop, of which it has not reported that it has."""
+        self._is_late_said = False
 
     def _part(self, nature: Nature) -> Part:
         """The part with as many settings as its description has room for."""
@@ -99,7 +104,7 @@ class BridgedPart:
         part.safe_state(self._be_safe)
         part.on_lost(self._left)
         part.on_end(self._left)
-        part.on_go(device.go)
+        part.on_go(self._go)
         part.on_identify(device.identify)
         return part
 
@@ -230,7 +235,21 @@ class BridgedPart:
         if why := self.device.not_stopped:
             if self._again is None:
                 self._again = asyncio.get_running_loop().call_later(AGAIN_S, self._stop_again)
+            self._say_late(why)
             raise NotSafeYet(why)
+        self._told_at, self._is_late_said = None, False
+
+    def _say_late(self, why: str) -> None:
+        """The robot's log says once with each STOP why it is not confirmed: the page and `msbot stop` only name it."""
+        now = asyncio.get_running_loop().time()
+        self._told_at = now if self._told_at is None else self._told_at
+        if now - self._told_at >= LATE_S and not self._is_late_said:
+            self._is_late_said = True
+            self.part.log(f"STOP is not confirmed: {why}", level="warning")
+
+    def _go(self) -> None:
+        self._told_at, self._is_late_said = None, False
+        self.device.go()
 
     def _let_go(self) -> None:
         """The part leaves: ports that a person drove without a wire, of which the robot says nothing, are safe, too."""

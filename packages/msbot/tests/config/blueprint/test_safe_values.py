@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from msbot.cli.blueprint.files import hints
 from msbot.config import Blueprint, blueprint_mark, blueprint_toml, differences, load_library, parse_blueprint
 from msbot_xrce.errors import ConfigError
 
@@ -96,3 +97,35 @@ def test_a_change_is_told_and_gives_another_mark() -> None:
         "- slot fan, safe power.percent: 20 (the library's value holds again)"
     ]
     assert len({blueprint_mark(each) for each in (one, other, none)}) == 3
+
+
+DRIVE = """\
+number = "DRIVE"
+name = "Drive"
+[[port]]
+name = "speed"
+direction = "subscribe"
+type = "Speed"
+safe = { rpm = 0 }
+stops_by = "quick stop"
+[[port]]
+name = "turns"
+direction = "publish"
+type = "Speed"
+"""
+
+
+def test_a_value_that_does_not_hold_at_stop_is_a_hint_that_says_what_does(tmp_path: Path) -> None:
+    (tmp_path / "drive.toml").write_text(DRIVE)
+    library = load_library(tmp_path)
+    text = '[robot]\nname = "R"\n[[slot]]\nname = "arm"\npart = "DRIVE"\n'
+    with_safe = parse_blueprint(f"{text}[slot.safe]\nspeed = {{ rpm = 30 }}\n", library)
+    words = "slot arm: at STOP speed gets quick stop, and not its value in [slot.safe]"
+    assert words in hints(with_safe, library)
+    assert words not in hints(parse_blueprint(text, library), library)
+
+
+def test_a_port_that_publishes_is_stopped_by_nothing(tmp_path: Path) -> None:
+    (tmp_path / "drive.toml").write_text(DRIVE + 'stops_by = "quick stop"\n')
+    with pytest.raises(ConfigError, match=r"stops_by.*: only a port that subscribes can be stopped; remove it"):
+        load_library(tmp_path)
