@@ -98,7 +98,8 @@ async def test_all_devices_of_a_bus_get_another_bit_rate_and_keep_it_when_they_a
         said = list[str]()
         await asyncio.to_thread(change.carry_out, said.append)
         assert said == [
-            f"node {number} (vendor 0x4d53, product 0x{product:x}, serial number {serial}) has 125000 bit/s, and keeps it"
+            f"node {number} (vendor 0x4d53, product 0x{product:x}, serial number {serial}) "
+            "has 125000 bit/s, and keeps it"
             for number, product, serial in ((5, 0x402, 77), (6, 0x401, 78))
         ]
         for device in (drive, module):
@@ -111,7 +112,7 @@ async def test_all_devices_of_a_bus_get_another_bit_rate_and_keep_it_when_they_a
 async def test_a_device_that_cannot_have_the_bit_rate_keeps_the_others_at_theirs() -> None:
     async with two_devices() as (address, drive, module):
         module.slave._bit_rates = (500_000,)
-        with pytest.raises(LssFailure, match=r"node 6 .* cannot have 250000 bit/s; with it on the bus, the others keep"):
+        with pytest.raises(LssFailure, match=r"node 6 .* cannot have 250000 bit/s; with it on the bus, the others"):
             await asyncio.to_thread(BitRateChange(address, 250_000).prepare)
         assert (drive.slave.bit_rate, drive._address) == (500_000, address)
         module.slave.received = lambda _: None  # type: ignore[method-assign]  # it has no LSS

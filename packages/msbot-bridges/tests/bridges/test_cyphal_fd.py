@@ -69,14 +69,15 @@ async def test_a_servo_on_a_bus_of_can_fd_is_driven_by_frames_of_can_fd() -> Non
 async def genuine_node(channel: str) -> AsyncIterator[Any]:
     """A node with the library's own way to a bus; it reports a length."""
     import pycyphal.application
+    import uavcan.primitive.array
     import uavcan.si.sample.length
-    from pycyphal.application.register import Natural16, ValueProxy
+    from pycyphal.application.register import Value
     from pycyphal.transport.can import CANTransport
     from pycyphal.transport.can.media.pythoncan import PythonCANMedia
 
     media = PythonCANMedia(f"virtual:{channel}", (500_000, 2_000_000))
     registry = pycyphal.application.make_registry(environment_variables={})
-    registry["uavcan.pub.distance.id"] = ValueProxy(Natural16([2100]))
+    registry.setdefault("uavcan.pub.distance.id", Value(natural16=uavcan.primitive.array.Natural16_1([2100])))
     info = pycyphal.application.NodeInfo(name="com.acme.eye", unique_id=list(range(16)))
     node = pycyphal.application.make_node(info, registry, transport=CANTransport(media, 17))
     publisher = node.make_publisher(uavcan.si.sample.length.Scalar_1_0, "distance")

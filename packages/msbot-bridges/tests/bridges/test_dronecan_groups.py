@@ -1,4 +1,4 @@
-"""Several motor controllers on one DroneCAN bus: new ones that have one index, what they are told, and how it is kept."""
+"""Several motor controllers on one DroneCAN bus: new ones with one index, what they are told, how it is kept."""
 
 from __future__ import annotations
 

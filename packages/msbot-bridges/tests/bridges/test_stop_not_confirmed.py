@@ -81,12 +81,16 @@ async def cyphal_servo(plug: Plug) -> AsyncIterator[tuple[Mend, Mend]]:
 async def jacdac_servo(plug: Plug) -> AsyncIterator[tuple[Mend, Mend]]:
     await plug.put_in()
     enabled = "bus.serviceProviders()[0].services().find(one => one.specification.shortId == 'servo').enabled"
+    handle = "packet => packet.isRegisterSet && packet.registerIdentifier == register.identifier ? true : own(packet)"
 
-    async def stick() -> None:
-        await plug._page.evaluate(f"window.stuck = setInterval(() => {enabled}.setValues([1]), 1)")
+    async def stick() -> None:  # it does not take the order
+        await plug._page.evaluate(
+            f"() => {{ const register = {enabled}, own = register.handlePacket.bind(register); "
+            f"register.handlePacket = async {handle}; }}"
+        )
 
     async def mend() -> None:
-        await plug._page.evaluate("clearInterval(window.stuck)")
+        await plug._page.evaluate(f"() => {{ delete {enabled}.handlePacket; }}")
 
     yield stick, mend
 

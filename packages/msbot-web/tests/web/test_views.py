@@ -55,7 +55,7 @@ def test_what_stop_leaves_a_port_at_is_named_with_who_says_so(tmp_path: Path) ->
     async def scene(rig: Rig) -> None:
         assert rig.views.safe_values("AA") == []
         assert [one.model_dump() for one in rig.views.safe_values("BB")] == [
-            {"port": "in", "field": "message", "value": "rest", "unit": "", "origin": "blueprint"}
+            {"port": "in", "field": "message", "value": "rest", "unit": "", "origin": "blueprint", "stops_by": ""}
         ]
 
     place = 'name = "BB"\npart = "EFGH"\n'

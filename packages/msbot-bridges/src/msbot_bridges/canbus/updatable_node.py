@@ -1,4 +1,4 @@
-"""What nodes of DroneCAN and Cyphal have in common as parts: they restart, and take new software, when they are told."""
+"""What nodes of DroneCAN and Cyphal have in common as parts: told so, they restart, and take new software."""
 
 from __future__ import annotations
 

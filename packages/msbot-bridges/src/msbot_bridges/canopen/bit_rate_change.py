@@ -1,7 +1,7 @@
 """Gives all devices of a CANopen bus another bit rate, once: looks who is there, asks a person, changes, keeps.
 
 No bridge is on the bus meanwhile. It is refused, before anything has changed, when somebody is there who cannot have
-that bit rate or cannot be told it: it would disturb everybody else afterwards. Waits for the bus; not for an event loop.
+that bit rate or cannot be told it: it would disturb everybody else afterwards. Waits for the bus: in no event loop.
 """
 
 from __future__ import annotations
@@ -20,7 +20,15 @@ import can
 from msbot_bridges.canbus import BEACON_ID, open_bus
 from msbot_bridges.canopen.canopen_bus import HEARTBEAT, SDO_ANSWER, SDO_REQUEST, BridgeNetwork
 from msbot_bridges.canopen.canopen_device import ENTER_PRE_OPERATIONAL, OWN_ID
-from msbot_bridges.canopen.lss import ANSWER_ID, ANSWER_S, REQUEST_ID, LssAddress, LssFailure, LssQuestion, any_unnumbered
+from msbot_bridges.canopen.lss import (
+    ANSWER_ID,
+    ANSWER_S,
+    REQUEST_ID,
+    LssAddress,
+    LssFailure,
+    LssQuestion,
+    any_unnumbered,
+)
 from msbot_bridges.canopen.lss_bit_rates import (
     BIT_RATES,
     SWITCH_MS,
@@ -144,8 +152,8 @@ class BitRateChange:
         interface, _, channel = self._address.partition("?")[0].partition(":")
         if interface == _BY_SYSTEM:
             say(
-                f"the devices have {self._bit_rate} bit/s now; set the interface, too: sudo ip link set {channel} down; "
-                f"sudo ip link set {channel} up type can bitrate {self._bit_rate}"
+                f"the devices have {self._bit_rate} bit/s now; set the interface, too: "
+                f"sudo ip link set {channel} down; sudo ip link set {channel} up type can bitrate {self._bit_rate}"
             )
         time.sleep(2 * SWITCH_MS / 1000 + AGAIN_S)  # the devices are there first
         until = time.monotonic() + RETURN_S
