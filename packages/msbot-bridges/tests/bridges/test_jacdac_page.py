@@ -157,6 +157,16 @@ async def test_a_page_of_somebody_else_does_not_come_in(world: tuple[JacdacWorld
         assert refused.value.response.status_code == 403
 
 
+async def test_what_is_no_frame_is_said_once(world: tuple[JacdacWorld, Host]) -> None:
+    async with asyncio.timeout(60), connect(f"ws://127.0.0.1:{world[0].port}/frames", origin=None) as socket:
+        for number in range(5):
+            await socket.send(bytes([number] * 20))
+        while world[0]._bus.bad_frames < 5:  # noqa: ASYNC110 - the world says what it counts only once
+            await asyncio.sleep(0.01)
+    said = [world[1].said.get_nowait() for _ in range(world[1].said.qsize())]
+    assert sum("is no frame of Jacdac" in words for words in said) == 1
+
+
 async def test_a_port_that_is_taken_is_said(world: tuple[JacdacWorld, Host]) -> None:
     with pytest.raises(LinkDown, match=f"page:{world[0].port}: .*in use"):
         await open_world(BridgeLink(f"page:{world[0].port}")).run(Host())

@@ -21,7 +21,7 @@ from websockets.http11 import Request, Response
 
 from msbot_bridges.bridge import World, WorldHost
 from msbot_bridges.jacdac.frames import HEADER, MOST_SIZE
-from msbot_bridges.jacdac.jacdac_bus import JacdacBus, Module, ModuleFound, ModuleLost
+from msbot_bridges.jacdac.jacdac_bus import MOST_MODULES, JacdacBus, Module, ModuleFound, ModuleLost
 from msbot_bridges.jacdac.module_device import ModuleDevice
 from msbot_xrce.errors import LinkDown
 
@@ -58,6 +58,8 @@ class JacdacWorld(World):
         self._wake = asyncio.Event()
         self._due = 0.0
         self._files: dict[str, bytes] = {}
+        self._told = set[str]()
+        """What was left out, as was said."""
 
     async def run(self, host: WorldHost) -> None:
         """See `World`."""
@@ -149,6 +151,7 @@ class JacdacWorld(World):
             async for message in socket:
                 if isinstance(message, bytes):
                     self._bus.receive(message, time.monotonic())
+                    self._say_what_is_left_out()
                     self._take_events()
                     if self._bus.deadline < self._due:
                         self._wake.set()
@@ -176,6 +179,16 @@ class JacdacWorld(World):
                     await self._wake.wait()
             except TimeoutError:
                 pass  # it is time
+
+    def _say_what_is_left_out(self) -> None:
+        """Once for each reason; the bus counts."""
+        for count, words in (
+            (self._bus.bad_frames, "what comes from a page or a tool is no frame of Jacdac, and is left out"),
+            (self._bus.left_out, f"there are more than {MOST_MODULES} modules: further ones are left out"),
+        ):
+            if count and words not in self._told:
+                self._told.add(words)
+                self._host.say(words)
 
     def _drop_the_stuck(self) -> None:
         """A page that takes nothing is left, so that its frames do not pile up."""
