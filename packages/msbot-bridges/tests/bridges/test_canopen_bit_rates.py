@@ -33,6 +33,13 @@ from msbot_bridges.canopen.simulated.unnumbered_device import UnnumberedDevice
 WHO = LssAddress(0x4D53, 0x402, 0x10000, 77)
 
 
+class NoLss(LssSlave):
+    """Of a device that has none."""
+
+    def received(self, data: bytes) -> bytes | None:  # noqa: ARG002
+        return None
+
+
 @pytest.fixture(autouse=True)
 def soon(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(bit_rate_change, "LISTEN_S", 1.0)
@@ -115,7 +122,7 @@ async def test_a_device_that_cannot_have_the_bit_rate_keeps_the_others_at_theirs
         with pytest.raises(LssFailure, match=r"node 6 .* cannot have 250000 bit/s; with it on the bus, the others"):
             await asyncio.to_thread(BitRateChange(address, 250_000).prepare)
         assert (drive.slave.bit_rate, drive._address) == (500_000, address)
-        module.slave.received = lambda _: None  # type: ignore[method-assign]  # it has no LSS
+        module.slave = NoLss(WHO)
         with pytest.raises(LssFailure, match=r"node 6 .* does not answer to LSS; with it"):
             await asyncio.to_thread(BitRateChange(address, 250_000).prepare)
 

@@ -13,7 +13,9 @@ from msbot.part.messages.standard import Level
 from tests.bridges.hosts import Reports, in_thread, running
 from tests.bridges.test_dronecan_nodes import GenuineNode
 
-dronecan = pytest.importorskip("dronecan")
+pytest.importorskip("dronecan")
+
+import dronecan
 
 from msbot_bridges.dronecan.dronecan_world import DronecanWorld
 from msbot_bridges.dronecan.orders import conflicts, motor_powers, servo_angles

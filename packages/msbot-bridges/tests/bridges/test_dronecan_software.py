@@ -180,11 +180,11 @@ async def test_images_are_those_seen_last_and_reading_one_looks_again(tmp_path: 
     folder.mkdir()
     images = ImageFolder(folder)
     async with images.watched():
-        with pytest.raises(ConfigError, match='no image "a.bin"; there are: none'):
+        with pytest.raises(ConfigError, match=r'no image "a\.bin"; there are: none'):
             images.check("a.bin")
         (folder / "a.bin").write_bytes(b"x")
         (folder / ".hidden").write_bytes(b"x")
-        with pytest.raises(ConfigError, match='no image "a.bin"'):
+        with pytest.raises(ConfigError, match=r'no image "a\.bin"'):
             images.check("a.bin")  # it does not wait for the disk
         assert await asyncio.to_thread(images.read, "a.bin") == b"x"
         images.check("a.bin")

@@ -12,7 +12,7 @@ import pytest
 
 import msbot_bridges.makers
 from msbot.config import BridgeTable
-from msbot.part.messages.standard import Angle, Level, Speed, Switch
+from msbot.part.messages.standard import Angle, Level, Speed
 from msbot.pnp import PartState
 from tests.bridges.hosts import Reports, in_thread
 from tests.bridges.test_every_world import robot_with

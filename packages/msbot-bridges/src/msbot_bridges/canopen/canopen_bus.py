@@ -67,7 +67,7 @@ class BridgeNetwork(canopen.Network):  # type: ignore[misc]  # the library has n
         self.sender = FrameSender(bus)
         self.unasked = 0
         """Answers of nodes that nobody has asked for, and that were left out."""
-        self.listeners = [_Listener(self, heard, asked)]
+        self.listeners: list[can.Listener] = [_Listener(self, heard, asked)]
 
     def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
         """See the library."""

@@ -99,9 +99,7 @@ class CyphalBus:
         self._written: dict[tuple[int, str], Value] = {}
         self._ids, self._subjects = GivenNodeIds(), Subjects()
         self._neighbours = Neighbours(address, f"node {node_id}", host.say)
-        self._bus, self._media = bus, PythonCanMedia(
-            bus, failed, self._neighbours.standard, fd=is_fd(address)
-        )
+        self._bus, self._media = bus, PythonCanMedia(bus, failed, self._neighbours.standard, fd=is_fd(address))
         transport = CANTransport(self._media, node_id)
         registry = pycyphal.application.make_registry(environment_variables={})
         info = pycyphal.application.NodeInfo(name="org.msbot.bridge")

@@ -63,6 +63,7 @@ _KIND_WORDS = {
     PLACE: said("GNSS receivers"),
 }
 
+
 def node_fits() -> tuple[Fit, ...]:
     """Which messages nodes send, and are driven by."""
     return fits_of(
@@ -277,8 +278,8 @@ class NodeDevice(UpdatableNode):
         safe = self._safe(ESC)
         assert isinstance(safe, Level)
         if not safe.percent:
-            return abs(message.rpm) <= STANDS_RPM
-        return abs(message.power_rating_pct - abs(safe.percent)) <= NEAR_PERCENT
+            return bool(abs(message.rpm) <= STANDS_RPM)
+        return bool(abs(message.power_rating_pct - abs(safe.percent)) <= NEAR_PERCENT)
 
     def _confirm(self, kind: str, is_safe: bool) -> None:
         if self.is_stopping and is_safe and kind in self._unconfirmed:
