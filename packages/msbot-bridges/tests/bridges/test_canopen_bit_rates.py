@@ -36,7 +36,7 @@ WHO = LssAddress(0x4D53, 0x402, 0x10000, 77)
 class NoLss(LssSlave):
     """Of a device that has none."""
 
-    def received(self, data: bytes) -> bytes | None:  # noqa: ARG002
+    def received(self, data: bytes) -> bytes | None:
         return None
 
 

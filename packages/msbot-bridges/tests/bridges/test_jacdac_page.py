@@ -112,7 +112,7 @@ async def test_a_servo_holds_the_safe_value_of_its_slot_with_power(
         device.begin(lambda _port, _message: None)
         device.act("angle", Angle(degrees=40))
         await until(page, f"Math.abs({server}.angle.values()[0] - 40) < 0.5")
-        device.safe_is("angle", Angle(degrees=-30))
+        device.safe_is("angle", Angle(degrees=120))
         device.stop()
         assert device.not_stopped == "angle has not reported its safe value"
         while device.not_stopped:
@@ -121,7 +121,7 @@ async def test_a_servo_holds_the_safe_value_of_its_slot_with_power(
             with suppress(TimeoutError):
                 async with asyncio.timeout(1):
                     await world[1].told.wait()
-        assert await page.evaluate(f"{server}.angle.values()[0]") == -30
+        assert await page.evaluate(f"{server}.angle.values()[0]") == 120
         assert await page.evaluate(f"!!{server}.enabled.values()[0]")
         device.go()
         device.act("angle", Angle(degrees=40))

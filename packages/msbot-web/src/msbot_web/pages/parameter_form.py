@@ -65,10 +65,16 @@ class _Form:
             for line in page.service.views.safe_values(self._slot):
                 value = f"{value_words(line.value, page.language)} {line.unit}".rstrip()
                 port = f"{line.port}.{line.field}"
-                words = page.translate("On STOP: {port} {value}", port=port, value=value)
-                if line.stops_by:
-                    template = "Without a partner: {port} {value}. On STOP: {what}"
-                    words = page.translate(template, port=port, value=value, what=line.stops_by)
+                words = (
+                    page.translate(
+                        "Without a partner: {port} {value}. On STOP: {what}",
+                        port=port,
+                        value=value,
+                        what=line.stops_by,
+                    )
+                    if line.stops_by
+                    else page.translate("On STOP: {port} {value}", port=port, value=value)
+                )
                 with ui.element("div").classes("row w-full"):
                     ui.label(words).classes("soft").style("flex:1")
                     ui.html(render("origin", origin=line.origin, words=page.translate(line.origin)), sanitize=False)
