@@ -113,9 +113,15 @@ Scene = Callable[[LessonStage], Awaitable[None]]
 
 
 def lesson_scene(
-    folder: Path, scene: Scene, *, sample: str = "rover", folders: Sequence[Path] = (), world: str = ""
+    folder: Path,
+    scene: Scene,
+    *,
+    sample: str = "rover",
+    folders: Sequence[Path] = (),
+    world: str = "",
+    has_parts: bool = True,
 ) -> None:
-    """Run a sample robot with all its parts, in a world or in none, and its lesson desk."""
+    """Run a sample robot, with all its parts or with none, in a world or in none, and its lesson desk."""
 
     async def main() -> None:
         path = folder / "robot.toml"
@@ -128,10 +134,12 @@ def lesson_scene(
             store = registry.runs.begin(record)
             living = RunningArena(Arena(open_world(world))) if world else None
             door = None if living is None else LocalWorldConnection(living, "robot")
-            robot = DemoRobot(blueprint, store, random=Random(1), library=library, door=door)
+            missing = () if has_parts else [slot.name for slot in blueprint.slots]
+            robot = DemoRobot(blueprint, store, random=Random(1), library=library, door=door, unplugged=missing)
             operations = InProcessOperations(robot.master, registry, record, library=library)
             lab = FaultLab(operations, parts=robot, bus=robot.bus_driver)
-            desk = LessonController(operations, LessonCatalog(folders), parts=robot, bus=robot.bus_driver, world=world)
+            parts = robot if has_parts else None
+            desk = LessonController(operations, LessonCatalog(folders), parts=parts, bus=robot.bus_driver, world=world)
             hub = InprocHub()
             hub.server.info = LinkInfo("students", hub.server.info.mtu)
             robot.master.add_link(hub.server)

@@ -291,6 +291,21 @@ def test_a_lesson_is_done_from_beginning_to_end_and_put_back(name: str, deeds: d
     lesson_scene(tmp_path, scene, sample=lesson.robot, world=lesson.world)
 
 
+def test_a_robot_without_hardware_gets_the_part_that_a_lesson_has_pulled_out(tmp_path: Path) -> None:
+    async def scene(stage: LessonStage) -> None:
+        stand_ins = stage.operations.stand_ins
+        await stage.do("start_lesson", lesson="first_part")
+        assert {slot for slot in stand_ins.names if not stand_ins.is_plugged(slot)} == {"knob"}
+        await until_ticked(stage, "1.1")
+        await stage.do("answer_lesson", check="1.2", answer="10")
+        stand_ins.plug("knob")  # what the card's button does
+        await until_ticked(stage, "2.1")
+        assert await stage.do("stop_lesson") == "the lesson 'The first part' is over; everything is as it was before"
+        assert stand_ins.names == ()
+
+    lesson_scene(tmp_path, scene, sample="thesis", has_parts=False)
+
+
 async def until_ticked(stage: LessonStage, check: str) -> None:
     for _ in range(round(PATIENCE_S * 10)):
         if check in await stage.ticked():

@@ -358,16 +358,20 @@ class LessonController:
                 begun.unplugged.append(spare)
         for slot in self._running.slot_names():
             is_here = slot in self._parts.names
-            if slot in lesson.unplugged:
-                if is_here and self._parts.is_plugged(slot):
+            if slot in lesson.unplugged and is_here:
+                if self._parts.is_plugged(slot):
                     self._parts.unplug(slot)
                     begun.unplugged.append(slot)
                 continue
             holder = self._running.holder(slot)
-            if (holder is None or not holder.state.is_registered) and not is_here:
-                await self._operations.do("simulate", who=who, slot=slot)
-            elif is_here and not self._parts.is_plugged(slot):
+            is_held = holder is not None and holder.state.is_registered
+            if is_here and not self._parts.is_plugged(slot):
                 self._parts.plug(slot)
+            elif not is_here and not is_held:
+                # One that begins pulled out, too: without a stand-in its card has nothing that could be plugged in.
+                await self._operations.do("simulate", who=who, slot=slot)
+                if slot in lesson.unplugged:
+                    self._operations.stand_ins.unplug(slot)
 
     async def _put_back(self, begun: _Begun, who: str) -> list[str]:
         """What could not be put back, and why."""
