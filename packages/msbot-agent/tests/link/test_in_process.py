@@ -196,3 +196,22 @@ def test_order_is_kept_whatever_the_handlers_answer(steps: list[tuple[int, bool]
     with_open_ends([hub.server, *clients], body)
     assert heard == sent
     assert back == sent
+
+
+def test_an_end_that_is_pulled_says_nothing_and_is_told_nothing() -> None:
+    hub = InprocHub()
+    server, client = hub.server, hub.connect()
+    seen = {end.number: Seen(end) for end in (server, client)}
+
+    async def body() -> None:
+        client.send(b"on its way", SERVER)
+        client.pull()
+        client.send(b"goodbye", SERVER)
+        server.send(b"still there?", client.number)
+        await turn()
+        assert (seen[0].packets, seen[client.number].packets) == ([], [])
+        assert server.counters.dropped == {"nobody at the other end": 1}
+
+    with_open_ends([server, client], body)
+    assert (Signal.PEER_JOINED, client.number) in seen[0].signals
+    assert (Signal.PEER_GONE, client.number) not in seen[0].signals

@@ -300,6 +300,19 @@ def test_a_robot_without_hardware_gets_the_part_that_a_lesson_has_pulled_out(tmp
         await stage.do("answer_lesson", check="1.2", answer="10")
         stand_ins.plug("knob")  # what the card's button does
         await until_ticked(stage, "2.1")
+        for value in (5.0, 95.0, 0.0):
+            unit = stand_ins.simulated("knob")
+            assert unit is not None
+            unit.set("knob", value)
+            await asyncio.sleep(0.6)
+        await until_ticked(stage, "3.1")
+        await stage.do("answer_lesson", check="3.2", answer="it stands still")
+        stand_ins.unplug("knob")
+        await until_ticked(stage, "4.1")
+        await stage.do("answer_lesson", check="4.2", answer="it went to its safe value, 0 %")
+        stand_ins.plug("knob")
+        await until_ticked(stage, "5.1")
+        assert (await stage.seen())["done"] is True
         assert await stage.do("stop_lesson") == "the lesson 'The first part' is over; everything is as it was before"
         assert stand_ins.names == ()
 

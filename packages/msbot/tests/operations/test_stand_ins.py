@@ -48,7 +48,11 @@ def test_an_empty_slot_is_simulated_too_and_the_plug_can_be_pulled(tmp_path: Pat
         assert holder(stage)[:2] == ("active", Nature.SIMULATED)
         stand_ins = stage.operations.stand_ins
         stand_ins.unplug("lamp")
-        await asyncio.sleep(10.0)
+        await asyncio.sleep(0.1)
+        assert holder(stage)[:2] == ("active", Nature.SIMULATED), "nothing but missing beats tells of it"
+        await asyncio.sleep(3.0)
+        assert holder(stage)[0] == "late"
+        await asyncio.sleep(7.0)
         now = asyncio.get_running_loop().time()
         assert stage.master.inventory.holder("lamp", now) is None
         stand_ins.plug("lamp")

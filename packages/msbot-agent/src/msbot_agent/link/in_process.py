@@ -41,13 +41,19 @@ class InprocHub:
         self._tell_partners(end, Signal.PEER_JOINED, "opened")
 
     def closed(self, end: InprocEnd) -> None:
-        """Note that an end has stopped running: its partners get PEER_GONE."""
+        """Note that an end has stopped running: its partners get PEER_GONE, unless it was pulled."""
+        if end.number in self._open:
+            self._tell_partners(end, Signal.PEER_GONE, "closed")
+            del self._open[end.number]
+
+    def pulled(self, end: InprocEnd) -> None:
+        """Note that an end is off the wire: its partners hear nothing, as after a pulled cable."""
         self._open.pop(end.number, None)
-        self._tell_partners(end, Signal.PEER_GONE, "closed")
 
     def partner(self, end: InprocEnd, peer: Peer) -> InprocEnd | None:
         """The running end that `end` knows as `peer`; clients only see the server."""
-        return self._open.get(peer) if SERVER in (end.number, peer) and end.number != peer else None
+        are_joined = SERVER in (end.number, peer) and end.number != peer and end.number in self._open
+        return self._open.get(peer) if are_joined else None
 
     def _tell_partners(self, end: InprocEnd, signal: Signal, words: str) -> None:
         for number in list(self._open):
@@ -96,6 +102,10 @@ class InprocEnd(BaseLink):
     def describe(self, peer: Peer) -> str:
         """`in-process server` or `in-process client 3`."""
         return "in-process server" if peer == SERVER else f"in-process client {peer}"
+
+    def pull(self) -> None:
+        """Take this end off the wire before its `run` is cancelled: no more packets, and no PEER_GONE."""
+        self._hub.pulled(self)
 
     async def run(self) -> None:
         """Serve until cancelled; it may run again afterwards."""

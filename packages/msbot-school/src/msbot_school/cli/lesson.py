@@ -165,5 +165,5 @@ def _show_status(found: Mapping[str, Any]) -> None:
 
 def _progress(one: Mapping[str, Any], checks: int) -> tuple[str, ...]:
     hint = one["hint"]
-    stuck = "-" if hint is None else f"{hint['check']}: {hint['seen']}. {hint['look']}"
+    stuck = "-" if hint is None else f"{hint['check']}: {'. '.join(filter(None, (hint['seen'], hint['look'])))}"
     return one["person"], "done" if one["done"] else f"{len(one['ticked'])} of {checks}", stuck

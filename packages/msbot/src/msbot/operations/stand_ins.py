@@ -17,7 +17,7 @@ from msbot.operations.placement import Placement
 from msbot.operations.running_robot import RunningRobot, slot_of
 from msbot.pnp import PartInfo, PartState
 from msbot.sim import SimulatedPart, make_simulator
-from msbot_agent.link import InprocHub, LinkInfo
+from msbot_agent.link import InprocEnd, InprocHub, LinkInfo
 from msbot_agent.text.sentence import said
 from msbot_xrce.errors import ConfigError, MsbotError
 from msbot_xrce.lazy import dataclass
@@ -39,6 +39,7 @@ class _SimulatedReplacement:
     displaced: bytes = b""
     """The UID of the part that had the slot."""
     unit: SimulatedPart | None = None
+    link: InprocEnd | None = None
     task: asyncio.Task[None] | None = field(default=None)
 
 
@@ -122,22 +123,25 @@ class StandIns:
             self._running.master.add_link(self._hub.server)
         unit = make_simulator(stand_in.number, uid=stand_in.uid, local_name=slot, library=stand_in.library)
         stand_in.unit = unit
-        stand_in.task = self._running.loop.create_task(self._run(slot, unit, self._hub))
+        stand_in.link = self._hub.connect()
+        stand_in.task = self._running.loop.create_task(self._run(slot, unit, stand_in.link))
 
     def unplug(self, slot: str) -> None:
-        """Pull the stand-in of a slot out, without a goodbye."""
+        """Pull the stand-in of a slot out: it says no goodbye, and the robot finds its beats missing."""
         stand_in = self._slots[slot]
+        if stand_in.link is not None:
+            stand_in.link.pull()
         if stand_in.task is not None:
             stand_in.task.cancel()
-        stand_in.unit = stand_in.task = None
+        stand_in.unit = stand_in.link = stand_in.task = None
 
     def simulated(self, slot: str) -> SimulatedPart | None:
         """The stand-in of a slot; None while it is pulled out."""
         return self._slots[slot].unit
 
-    async def _run(self, slot: str, unit: SimulatedPart, hub: InprocHub) -> None:
+    async def _run(self, slot: str, unit: SimulatedPart, link: InprocEnd) -> None:
         try:
-            await unit.part.run_async(hub.connect())
+            await unit.part.run_async(link)
         except MsbotError as error:
             _log.warning("the stand-in of slot %s has ended: %s", slot, error)
 
