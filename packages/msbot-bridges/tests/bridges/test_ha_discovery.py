@@ -205,7 +205,7 @@ def test_a_button_has_no_state_and_nothing_to_stop() -> None:
         ("camera", {"t": "x"}, "a camera has no port here"),
         ("light", {"cmd_t": "c", "schema": "template"}, "a light with schema 'template'"),
         ("switch", {"stat_t": "s"}, "it has no command_topic"),
-        ("switch", {"cmd_t": "a/#"}, "command_topic is no topic"),
+        ("switch", {"cmd_t": "a/#"}, "command_topic stands for more than one topic"),
         ("number", {"cmd_t": "c", "min": 9, "max": 1}, "its range is empty"),
         ("number", {"cmd_t": "c", "min": "low"}, "min is no number"),
         ("sensor", {"stat_t": "s", "val_tpl": "{{ states('x') }}"}, "is not understood"),

@@ -22,8 +22,10 @@ from msbot.part.messages.standard import (
     Pressure,
     Speed,
     Temperature,
+    Text,
     Weight,
 )
+from msbot_xrce.errors import LocalProtocolError
 from msbot_xrce.lazy import dataclass
 
 
@@ -44,6 +46,13 @@ class Quantity:
         """The message for a number of the device."""
         return self.message(**{**self.rest, self.name: number * self.factor + self.offset})
 
+    def made(self, number: float) -> Message | None:
+        """The message for a number that a device has reported; None: no message has room for so great a number."""
+        try:
+            return self.make(number)
+        except LocalProtocolError:
+            return None
+
     def ranges(self, least: float | None, most: float | None) -> dict[str, tuple[float, float]]:
         """The range of the field, for one of the device; none where an end of that is missing."""
         if least is None or most is None or least >= most:
@@ -59,6 +68,7 @@ class Quantity:
 _BATTERY = {"volts": math.nan, "amperes": math.nan, "percent": math.nan}
 _SEEN = {"metres": math.nan, "in_range": True}
 NUMBER = Quantity(Number, "value")
+LEVEL = Quantity(Level, "percent")
 BATTERY_PERCENT = Quantity(Battery, "percent", rest=_BATTERY)
 QUANTITIES: Mapping[str, Quantity] = {
     "°C": Quantity(Temperature, "celsius"),
@@ -74,7 +84,7 @@ QUANTITIES: Mapping[str, Quantity] = {
     "rad": Quantity(Angle, "degrees", 180 / math.pi),
     "rpm": Quantity(Speed, "rpm"),
     "rad/s": Quantity(Speed, "rpm", 30 / math.pi),
-    "%": Quantity(Level, "percent"),
+    "%": LEVEL,
     "lx": Quantity(Light, "lux"),
     "hPa": Quantity(Pressure, "hectopascal"),
     "mbar": Quantity(Pressure, "hectopascal"),
@@ -100,6 +110,15 @@ def quantity(unit: str, kind: str = "") -> Quantity:
     if kind == "battery" and unit in ("%", ""):
         return BATTERY_PERCENT
     return QUANTITIES.get(unit, NUMBER)
+
+
+def text_message(text: str) -> Text:
+    """The message for what a device has said in words; a message has no NUL characters."""
+    return Text(text=text[:LONGEST_TEXT].replace("\0", "\N{REPLACEMENT CHARACTER}"))
+
+
+LONGEST_TEXT = 200
+"""Characters."""
 
 
 def messages_by_unit() -> list[tuple[type[Message], str]]:

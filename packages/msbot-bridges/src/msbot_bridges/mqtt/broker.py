@@ -190,6 +190,8 @@ class Broker:
                     finally:
                         sending.cancel()
                         await asyncio.wait([sending])
+                        if not sending.cancelled() and (error := sending.exception()) is not None:
+                            raise error
             except (aiomqtt.MqttError, OSError) as error:
                 if not was_there:
                     raise LinkDown(f"{self.address.words}: {_reason(error)}; does the broker run there?") from error

@@ -7,20 +7,29 @@ components. An empty message takes back what was declared. Entities with the sam
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from itertools import islice
 from typing import Any
 
 from msbot_bridges.bridge import DeviceIdentity
 from msbot_bridges.mqtt.device_model import DeviceModel, LifeTopic, PortNames, chosen, chosen_settings
-from msbot_bridges.mqtt.ha_entity import json_object, ports_of
+from msbot_bridges.mqtt.ha_entity import ports_of
 from msbot_bridges.mqtt.ha_settings import is_setting, setting_of
 from msbot_bridges.mqtt.ha_words import spelt_out
+from msbot_bridges.mqtt.json_payload import json_object
 from msbot_bridges.mqtt.template import Template
+from msbot_bridges.mqtt.topics import checked_topic
 from msbot_xrce.errors import ConfigError
 from msbot_xrce.lazy import dataclass
 
 QUIET_S = 1.0
 """A device is complete when nothing about it has come for so long: each entity has a message of its own."""
 MOST_ENTITIES = 2000
+MOST_COMPONENTS = 200
+"""Of a device that declares itself in one message."""
+MOST_KEYS = 200
+"""Of a message, or of one of its components."""
+MOST_OCTETS = 4_000_000
+"""Of all messages that are kept; an entity's has some 500."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,6 +37,14 @@ class _Entity:
     component: str
     name: str
     config: Mapping[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class _Kept:
+    key: str
+    """Of its device."""
+    entities: list[_Entity]
+    octets: int
 
 
 class HaDiscovery:
@@ -41,8 +58,9 @@ class HaDiscovery:
         self.dropped = 0
         """Messages that are no discovery, or for which there is no room."""
         self._prefix = prefix
-        self._entities: dict[str, tuple[str, list[_Entity]]] = {}
-        """By topic: the key of its device, and its entities."""
+        self._entities: dict[str, _Kept] = {}
+        """By topic."""
+        self._octets = 0
         self._changed: dict[str, float] = {}
         """Devices about which something has come, and when."""
 
@@ -58,25 +76,31 @@ class HaDiscovery:
             return False
         before = self._entities.pop(topic, None)
         if before is not None:
-            self._changed[before[0]] = now
+            self._octets -= before.octets
+            self._changed[before.key] = now
         if not payload:
             return True
         told = json_object(payload.decode(errors="replace"))
-        if not told or len(self._entities) >= MOST_ENTITIES:
+        has_room = len(self._entities) < MOST_ENTITIES and self._octets + len(payload) <= MOST_OCTETS
+        if not told or not has_room or len(told) > MOST_KEYS:
             self.dropped += 1
             return True
         config = spelt_out(told)
         entities = list(_parts_of_device(config)) if words[0] == "device" else [_entity(words[0], words[-2], config)]
         key = _key(config.get("device"), topic)
-        self._entities[topic] = (key, entities)
+        self._entities[topic] = _Kept(key, entities, len(payload))
+        self._octets += len(payload)
         self._changed[key] = now
         return True
 
     def due(self, now: float) -> Iterator[tuple[str, DeviceModel | None]]:
         """Devices that are complete, or changed, since this was asked last; None: it is declared no longer."""
-        for key in [key for key, when in self._changed.items() if now - when >= QUIET_S]:
+        ready: dict[str, list[_Entity]] = {key: [] for key, when in self._changed.items() if now - when >= QUIET_S}
+        for kept in self._entities.values():
+            if kept.key in ready:
+                ready[kept.key] += kept.entities
+        for key, entities in ready.items():
             del self._changed[key]
-            entities = [one for other, found in self._entities.values() if other == key for one in found]
             yield key, _model(key, entities) if entities else None
 
     def next_due(self) -> float | None:
@@ -95,8 +119,8 @@ def _parts_of_device(config: Mapping[str, Any]) -> Iterator[_Entity]:
     if not isinstance(components, Mapping):
         return
     shared = {key: value for key, value in config.items() if key not in ("components", "origin", "name")}
-    for name, told in components.items():
-        if not isinstance(told, Mapping):
+    for name, told in islice(components.items(), MOST_COMPONENTS):
+        if not isinstance(told, Mapping) or len(told) > MOST_KEYS:
             continue
         base = {"~": config["~"]} if "~" in config else {}
         own = spelt_out({**base, **told})
@@ -178,8 +202,9 @@ def _life(config: Mapping[str, Any]) -> Iterator[LifeTopic]:
     else:
         entries = [(config, "availability_template", config.get("availability_topic"))]
     for entry, template_key, topic in entries:
-        if not isinstance(topic, str) or not topic:
+        if not topic:
             continue
+        checked = checked_topic(topic, "a topic of its availability")
         template = Template(str(entry.get(template_key) or ""))
         yes, no = str(entry.get("payload_available", "online")), str(entry.get("payload_not_available", "offline"))
 
@@ -187,4 +212,4 @@ def _life(config: Mapping[str, Any]) -> Iterator[LifeTopic]:
             text = template.render(payload)
             return True if text == yes else False if text == no else None
 
-        yield LifeTopic(topic, read)
+        yield LifeTopic(checked, read)

@@ -12,14 +12,17 @@ from typing import Any
 
 from msbot.part import Message
 from msbot.part.messages.standard import Colour, Level, Number, Switch, Text, Trigger
-from msbot_bridges.bridge.quantity import Quantity, nearest_to_zero, quantity
+from msbot_bridges.bridge.quantity import LEVEL, Quantity, nearest_to_zero, quantity, text_message
 from msbot_bridges.mqtt.device_model import CommandPort, Order, PortNames, StatePort
+from msbot_bridges.mqtt.json_payload import json_object
 from msbot_bridges.mqtt.template import Template
+from msbot_bridges.mqtt.topics import checked_topic
 from msbot_xrce.errors import ConfigError
 from msbot_xrce.lazy import dataclass
 
 Config = Mapping[str, Any]
 _PERCENT: Mapping[str, tuple[float, float]] = {"percent": (0.0, 100.0)}
+GREATEST_NUMBER = 1e15
 _NEAR = 0.005
 """A share of the range: a report so near the safe value is the safe value."""
 
@@ -67,10 +70,8 @@ COMPONENTS: Mapping[str, tuple[tuple[type[Message], ...], tuple[type[Message], .
 
 
 def _topic(config: Config, key: str) -> str:
-    topic = config.get(key, "")
-    if topic and (not isinstance(topic, str) or "+" in topic or "#" in topic):
-        raise ConfigError(f"{key} is no topic")
-    return str(topic)
+    topic = config.get(key)
+    return checked_topic(topic, key) if topic else ""
 
 
 def needed_topic(config: Config, key: str) -> str:
@@ -92,6 +93,8 @@ def config_number(config: Config, key: str, otherwise: float) -> float:
     value = config.get(key, otherwise)
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
         raise ConfigError(f"{key} is no number")
+    if abs(value) > GREATEST_NUMBER:
+        raise ConfigError(f"{key} is {value:g}; a device's numbers are at most {GREATEST_NUMBER:g}")
     return float(value)
 
 
@@ -209,7 +212,7 @@ def _dimmed_light(config: Config, port: str, names: PortNames) -> EntityPorts:
 
     def read(payload: str) -> Message | None:
         value = read_number(reads, payload)
-        return None if value is None else Level(percent=100 * value / scale)
+        return None if value is None else LEVEL.made(100 * value / scale)
 
     def read_off(payload: str) -> Message | None:
         return Level(percent=0) if is_off(payload) else None
@@ -237,7 +240,7 @@ def _json_light(config: Config, port: str, names: PortNames) -> EntityPorts:
         told = json_object(payload)
         is_on = {"ON": True, "OFF": False}.get(str(told.get("state")))
         brightness = told.get("brightness")
-        if isinstance(brightness, bool) or not isinstance(brightness, int | float):
+        if isinstance(brightness, bool) or not isinstance(brightness, int | float) or not math.isfinite(brightness):
             return is_on, None
         return is_on, float(brightness)
 
@@ -255,7 +258,7 @@ def _json_light(config: Config, port: str, names: PortNames) -> EntityPorts:
             return None
         if not is_dimmed:
             return Switch(on=is_on)
-        return Level(percent=0.0 if not is_on else 100.0 if brightness is None else 100 * brightness / scale)
+        return LEVEL.made(0.0 if not is_on else 100.0 if brightness is None else 100 * brightness / scale)
 
     def colours(message: Message) -> Sequence[Order]:
         assert isinstance(message, Colour)
@@ -280,15 +283,6 @@ def _json_light(config: Config, port: str, names: PortNames) -> EntityPorts:
     if modes & {"rgb", "rgbw", "rgbww"}:
         commands.append(CommandPort(names.name(f"{port}_colour"), Colour, None, colours, ()))
     return EntityPorts(readings, commands)
-
-
-def json_object(payload: str) -> Mapping[str, Any]:
-    """A payload that is an object of JSON; otherwise an empty one."""
-    try:
-        told = json.loads(payload)
-    except (ValueError, RecursionError):
-        return {}
-    return told if isinstance(told, dict) else {}
 
 
 def _fan(config: Config, port: str, names: PortNames) -> EntityPorts:
@@ -317,7 +311,7 @@ def _fan(config: Config, port: str, names: PortNames) -> EntityPorts:
 
     def read(payload: str) -> Message | None:
         value = read_number(reads, payload)
-        return None if value is None else Level(percent=100 * (value - least + 1) / speeds)
+        return None if value is None else LEVEL.made(100 * (value - least + 1) / speeds)
 
     def is_off(payload: str) -> bool | None:
         text = template.render(payload)
@@ -375,7 +369,7 @@ def _cover(config: Config, port: str, names: PortNames) -> EntityPorts:
 
     def read_position(payload: str) -> Message | None:
         value = read_number(reads, payload)
-        return None if value is None else Level(percent=100 * (value - closed) / (opened - closed))
+        return None if value is None else LEVEL.made(100 * (value - closed) / (opened - closed))
 
     def read_open(payload: str) -> Message | None:
         text = template.render(payload)
@@ -433,7 +427,7 @@ def _number_orders(
 def _number_reading(port: str, what: Quantity, topic: str, template: Template) -> StatePort:
     def read(payload: str) -> Message | None:
         value = read_number(template, payload)
-        return None if value is None else what.make(value)
+        return None if value is None else what.made(value)
 
     return StatePort(port, what.message, topic, read)
 
@@ -451,7 +445,7 @@ def _sensor(config: Config, port: str, names: PortNames) -> EntityPorts:  # noqa
 
     def read(payload: str) -> Message | None:
         text = template.render(payload)
-        return None if text is None else Text(text=text[:200])
+        return None if text is None else text_message(text)
 
     return EntityPorts([StatePort(port, Text, topic, read)], [])
 

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from itertools import islice
 
 from msbot_bridges.bridge import DeviceIdentity
 from msbot_bridges.mqtt.device_model import DeviceModel, LifeTopic, chosen, chosen_settings
-from msbot_bridges.mqtt.homie_property import SETTING_NODES, HomiePorts, HomieProperty
+from msbot_bridges.mqtt.homie_property import MOST_PROPERTIES, SETTING_NODES, HomiePorts, HomieProperty
 
 QUIET_S = 1.0
 MOST_DEVICES = 200
 MOST_ATTRIBUTES = 400
 """Attributes of a device; further ones are dropped."""
+LONGEST_ATTRIBUTE = 4000
+MOST_CHARACTERS = 4_000_000
+"""Characters of all attributes."""
 
 
 class Homie4:
@@ -28,6 +32,7 @@ class Homie4:
         self._setting_nodes = setting_nodes
         self._attributes: dict[str, dict[str, str]] = {}
         """By device: what it says about itself, by the rest of the topic."""
+        self._characters = 0
         self._changed: dict[str, float] = {}
 
     @property
@@ -54,10 +59,15 @@ class Homie4:
                 self.dropped += 1
                 return True
             known = self._attributes[device] = {}
+        text = payload[: LONGEST_ATTRIBUTE + 1].decode(errors="replace")
+        before = len(known.get(rest, ""))
+        has_room = rest in known or len(known) < MOST_ATTRIBUTES
         if not payload:
             known.pop(rest, None)
-        elif rest in known or len(known) < MOST_ATTRIBUTES:
-            known[rest] = payload.decode(errors="replace")
+            self._characters -= before
+        elif len(text) <= LONGEST_ATTRIBUTE and has_room and self._characters - before + len(text) <= MOST_CHARACTERS:
+            known[rest] = text
+            self._characters += len(text) - before
         else:
             self.dropped += 1
         self._changed[device] = now
@@ -82,7 +92,7 @@ class Homie4:
     def _model(self, device: str, told: Mapping[str, str]) -> DeviceModel:
         base = f"{self._domain}/{device}"
         found = HomiePorts(self._setting_nodes)
-        for one in _properties(base, told):
+        for one in islice(_properties(base, told), MOST_PROPERTIES):
             found.add(one)
         kept, driven, over = chosen(found.readings, found.commands)
         set_here, too_many = chosen_settings(found.settings)
@@ -103,8 +113,8 @@ class Homie4:
 
 
 def _properties(base: str, told: Mapping[str, str]) -> Iterator[HomieProperty]:
-    for node in filter(None, told.get("$nodes", "").split(",")):
-        for name in filter(None, told.get(f"{node}/$properties", "").split(",")):
+    for node in _ids(told.get("$nodes", "")):
+        for name in _ids(told.get(f"{node}/$properties", "")):
             start = f"{node}/{name}"
             yield HomieProperty(
                 f"{base}/{start}",
@@ -115,3 +125,8 @@ def _properties(base: str, told: Mapping[str, str]) -> Iterator[HomieProperty]:
                 told.get(f"{start}/$settable") == "true",
                 told.get(f"{start}/$retained") != "false",
             )
+
+
+def _ids(text: str) -> Iterable[str]:
+    """`lamp,switch`: each id once."""
+    return dict.fromkeys(filter(None, text.split(",")))

@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
+from itertools import islice
 from typing import Any
 
 from msbot_bridges.bridge import DeviceIdentity
 from msbot_bridges.mqtt.device_model import DeviceModel, LifeTopic, chosen, chosen_settings
-from msbot_bridges.mqtt.ha_entity import json_object
-from msbot_bridges.mqtt.homie_property import SETTING_NODES, HomiePorts, HomieProperty
+from msbot_bridges.mqtt.homie_property import MOST_PROPERTIES, SETTING_NODES, HomiePorts, HomieProperty
+from msbot_bridges.mqtt.json_payload import json_object
+from msbot_bridges.mqtt.topics import checked_topic
+from msbot_xrce.errors import ConfigError
 
 QUIET_S = 0.5
 MOST_DEVICES = 500
+MOST_OCTETS = 4_000_000
+"""Of all descriptions."""
 
 
 class Homie5:
@@ -27,6 +32,8 @@ class Homie5:
         self._domain = domain
         self._setting_nodes = setting_nodes
         self._described: dict[str, Mapping[str, Any]] = {}
+        self._octets: dict[str, int] = {}
+        """Of each description."""
         self._changed: dict[str, float] = {}
 
     @property
@@ -45,15 +52,22 @@ class Homie5:
                 return False
             payload = b""  # an empty state removes the device
         told = json_object(payload.decode(errors="replace"))
-        if payload and (not str(told.get("homie", "")).startswith("5.") or len(self._described) >= MOST_DEVICES):
+        if payload and not (str(told.get("homie", "")).startswith("5.") and self._has_room(device, len(payload))):
             self.dropped += 1
             return True
         if told:
             self._described[device] = told
+            self._octets[device] = len(payload)
         elif self._described.pop(device, None) is None:
             return True
+        else:
+            del self._octets[device]
         self._changed[device] = now
         return True
+
+    def _has_room(self, device: str, octets: int) -> bool:
+        others = sum(self._octets.values()) - self._octets.get(device, 0)
+        return others + octets <= MOST_OCTETS and (device in self._described or len(self._described) < MOST_DEVICES)
 
     def due(self, now: float) -> Iterator[tuple[str, DeviceModel | None]]:
         """See `Convention`."""
@@ -69,16 +83,19 @@ class Homie5:
     def _model(self, device: str, told: Mapping[str, Any]) -> DeviceModel:
         base = f"{self._domain}/5/{device}"
         found = HomiePorts(self._setting_nodes)
-        for one in _properties(base, told):
+        for one in islice(_properties(base, told), MOST_PROPERTIES):
             found.add(one)
         kept, driven, over = chosen(found.readings, found.commands)
         set_here, too_many = chosen_settings(found.settings)
         product = str(told.get("type") or told.get("name") or device)
         life = [LifeTopic(f"{base}/$state", lambda payload: payload == "ready")]
-        root = told.get("root")
-        if isinstance(root, str) and root:
+        if root := told.get("root"):
             # Only the root has a last will: when it is lost, so are all below it.
-            life.append(LifeTopic(f"{self._domain}/5/{root}/$state", lambda payload: payload != "lost"))
+            try:
+                topic = checked_topic(f"{self._domain}/5/{root}/$state", "its root")
+                life.append(LifeTopic(topic, lambda payload: payload != "lost"))
+            except ConfigError as error:
+                found.left_out.append(f"{root}: {error}")
         return DeviceModel(
             device,
             DeviceIdentity(

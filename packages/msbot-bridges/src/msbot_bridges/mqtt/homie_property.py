@@ -8,8 +8,10 @@ from collections.abc import Collection, Mapping, Sequence
 from msbot.part import Message
 from msbot.part.messages.standard import Colour, Count, Switch, Text, Trigger
 from msbot_bridges.bridge import DeviceSetting, Value
-from msbot_bridges.bridge.quantity import NUMBER, Quantity, nearest_to_zero, quantity
+from msbot_bridges.bridge.quantity import NUMBER, Quantity, nearest_to_zero, quantity, text_message
 from msbot_bridges.mqtt.device_model import CommandPort, Order, PortNames, SettingTopic, StatePort
+from msbot_bridges.mqtt.ha_entity import GREATEST_NUMBER
+from msbot_bridges.mqtt.topics import checked_topic
 from msbot_xrce.errors import ConfigError
 from msbot_xrce.lazy import dataclass
 
@@ -58,6 +60,7 @@ class HomiePorts:
     def add(self, one: HomieProperty) -> None:
         """Take one property."""
         try:
+            checked_topic(one.topic, "its id")
             if one.topic.split("/")[-2] in self._setting_nodes:
                 self.settings.append(homie_setting(one, self._names))
             else:
@@ -68,6 +71,8 @@ class HomiePorts:
             self.left_out.append(f"{one.name}: {error}")
 
 
+MOST_PROPERTIES = 400
+"""Of a device; further ones are not looked at."""
 SETTING_NODES = ("settings", "config")
 """Homie has no word for settings; these names of nodes are common."""
 
@@ -158,7 +163,7 @@ def _range(text: str) -> tuple[float | None, float | None]:
         found = [float(word) if word else None for word in (least, rest.partition(":")[0])]
     except ValueError:
         return None, None
-    if any(one is not None and not math.isfinite(one) for one in found):
+    if any(one is not None and not abs(one) <= GREATEST_NUMBER for one in found):
         return None, None
     return found[0], found[1]
 
@@ -183,7 +188,7 @@ def _number(one: HomieProperty, names: PortNames) -> tuple[list[StatePort], list
         value = _finite(payload)
         if value is None or (what is _COUNT and not -(2**31) <= value < 2**31):
             return None
-        return Count(value=int(value)) if what is _COUNT else what.make(value)
+        return Count(value=int(value)) if what is _COUNT else what.made(value)
 
     def orders(message: Message) -> Sequence[Order]:
         value = what.number(message)
@@ -217,7 +222,7 @@ def _text(one: HomieProperty, names: PortNames) -> tuple[list[StatePort], list[C
     choices = one.format.split(",") if one.datatype == "enum" else []
 
     def read(payload: str) -> Message | None:
-        return Text(text=payload[:200])
+        return text_message(payload)
 
     def orders(message: Message) -> Sequence[Order]:
         assert isinstance(message, Text)

@@ -17,6 +17,11 @@ SETTINGS_S = 2.0
 """Longest wait for what a device has as settings; brokers mostly keep it, and tell it at once."""
 
 
+MOST_WORDS = 30
+"""Ports of one device of which it is said why they were left out."""
+LONGEST_WORDS = 300
+
+
 class Convention(Protocol):
     """A way in which devices say what they are; without I/O."""
 
@@ -120,8 +125,10 @@ class MqttWorld(World):
         if model is None:
             return
         where = model.identity.where
-        for words in model.left_out:
-            self._host.say(f"{where}: left out: {words}")
+        for words in model.left_out[:MOST_WORDS]:
+            self._host.say(f"{where}: left out: {words[:LONGEST_WORDS]}")
+        if (more := len(model.left_out) - MOST_WORDS) > 0:
+            self._host.say(f"{where}: left out: {more} more")
         if not model.readings and not model.commands:
             self._host.say(f"{where}: no part, because it has no port")
             return

@@ -8,7 +8,7 @@ from typing import Any
 
 from msbot_bridges.bridge import BridgeLink
 from msbot_bridges.mqtt.broker import Broker, LastWill, read_address
-from msbot_bridges.mqtt.ha_entity import json_object
+from msbot_bridges.mqtt.json_payload import json_object
 
 MOST_SERIAL = 32
 

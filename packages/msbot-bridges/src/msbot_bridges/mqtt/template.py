@@ -12,6 +12,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+from msbot_bridges.mqtt.json_payload import read_json
 from msbot_xrce.errors import ConfigError
 
 LONGEST = 500
@@ -256,7 +257,7 @@ def _constant(value: object) -> _Node:
 
 def _named(names: Names, name: str) -> Any:  # noqa: ANN401 - what a payload has
     if name == "value_json" and name not in names:
-        return json.loads(names["value"])
+        return read_json(names["value"])
     if name not in names:
         raise _Missing(name)
     return names[name]
