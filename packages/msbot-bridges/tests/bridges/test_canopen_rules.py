@@ -70,7 +70,7 @@ def test_numbers_become_messages() -> None:
     assert level.to_value(level.message(percent=100), 0) == 32767
     warm = by_unit("oil", Entry(0x6130, 1, 16, signed=True), "°C", 0.1, is_truth=False)
     assert warm.message is Temperature
-    assert round(warm.to_message(-55).celsius, 6) == -5.5  # type: ignore[attr-defined]
+    assert warm.to_message(-55) == Temperature(celsius=-55 * 0.1)
 
 
 EDS = """[DeviceInfo]

@@ -16,7 +16,7 @@ import pytest
 from msbot.part import Message
 from msbot.part.messages.standard import Level, Text
 from msbot_bridges.bridge import BridgeLink
-from msbot_bridges.mqtt.device_model import DeviceModel, LifeTopic
+from msbot_bridges.mqtt.device_model import DeviceModel
 from msbot_bridges.mqtt.ha_discovery import MOST_OCTETS, HaDiscovery
 from msbot_bridges.mqtt.homie4 import Homie4
 from msbot_bridges.mqtt.homie5 import Homie5
@@ -129,15 +129,22 @@ PAYLOADS = [*STATES, "", "ON", "1", "255", "-1", "9" * 300, '{"a": 1e999}', '{"a
 def try_device(model: DeviceModel) -> None:
     """What a world and a bridge do with a device, whatever it is."""
     model.identity.uid.hex()
-    device = MqttDevice(model, send=lambda order, _: order.payload.encode(), news=lambda _: None, now=lambda: 0.0)
-    for topic in [one.topic for one in (*model.readings, *model.life)]:
+    sent: list[bytes] = []
+    device = MqttDevice(
+        model,
+        send=lambda order, _: sent.append(order.payload.encode()),
+        news=lambda _: None,
+        now=lambda: 0.0,
+    )
+    device.begin(lambda _port, message: sent.append(message.encode()))
+    for topic in {one.topic for one in model.readings} | {one.topic for one in model.settings}:
         checked_topic(topic, "topic")
-    device.begin(lambda _port, message: message.encode())
-    for payload in PAYLOADS:
-        for one in (*model.readings, *model.settings, *model.life):
-            if isinstance(one, LifeTopic):
-                one.read(payload)
-            device.heard(one.topic, payload, is_old=False)
+        for payload in PAYLOADS:
+            device.heard(topic, payload, is_old=False)
+    for life in model.life:
+        checked_topic(life.topic, "topic")
+        for payload in PAYLOADS:
+            life.read(payload)
     device.describe_settings()
     for command in model.commands:
         if command.safe is not None:

@@ -121,7 +121,10 @@ class WorldThread:
             taken = list(self._news)
             self._news.clear()
         for news in taken:
-            news()
+            try:
+                news()
+            except Exception as error:  # of one device's report; what others have reported is told all the same
+                _log.warning("%s: %s: %s", self._name, type(error).__name__, error)
 
     def _call_loop(self, function: Job) -> None:
         try:

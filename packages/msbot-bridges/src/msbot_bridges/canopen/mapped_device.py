@@ -109,8 +109,10 @@ class MappedDevice(CanopenDevice):
     def told(self, values: Mapping[Entry, int]) -> None:
         """See `CanopenDevice`."""
         for mapping in self._heard:
-            if (value := values.get(mapping.entry)) is not None:
-                self.report(mapping.port, mapping.to_message(value))
+            if (value := values.get(mapping.entry)) is None:
+                continue
+            if (message := mapping.to_message(value)) is not None:
+                self.report(mapping.port, message)
         if self.is_stopping and self._safe and all(values.get(entry) == safe for entry, safe in self._safe.items()):
             self.confirm_still()
 

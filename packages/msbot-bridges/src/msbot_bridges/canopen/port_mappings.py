@@ -52,12 +52,12 @@ class PortMapping:
     bit: int | None = None
     """Only this bit of the entry."""
 
-    def to_message(self, value: int) -> Message:
-        """What the device has reported."""
+    def to_message(self, value: int) -> Message | None:
+        """What the device has reported; None: a count for which no message has room."""
         if self.message is Switch:
             return Switch(on=bool(value if self.bit is None else value >> self.bit & 1))
         if self.message is Count:
-            return Count(value=value)
+            return Count(value=value) if -(2**31) <= value < 2**31 else None
         if self.message is Distance:
             return Distance(metres=value * self.factor, in_range=True)
         return self.message(**{self.field: value * self.factor})

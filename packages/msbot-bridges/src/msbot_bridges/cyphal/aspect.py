@@ -22,8 +22,9 @@ class Aspect:
     """One message in a type; a type with several makes a port for each."""
 
     message: type[Message]
-    read: Callable[[Any], Message] | None
-    """The message of an object of the library; None: nothing is reported by this type."""
+    read: Callable[[Any], Message | None] | None
+    """The message of an object of the library, or None for what no message has room for; None: nothing is reported by
+    this type."""
     write: Callable[[Message], Builtin] | None = None
     """The fields of an object for a message; None: nothing is driven by this type. Of a vector the one place."""
     suffix: str = ""

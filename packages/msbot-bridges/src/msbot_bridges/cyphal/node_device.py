@@ -266,7 +266,8 @@ class CyphalNode(UpdatableNode):
             return
         for name, aspect in self._heard[port].items():
             assert aspect.read is not None
-            message = aspect.read(told)
+            if (message := aspect.read(told)) is None:
+                continue
             self._report(name, message)
             if self.is_stopping:
                 self._confirm(aspect, message)

@@ -9,7 +9,7 @@ from typing import Any, Final
 from msbot.part import Message
 from msbot.part.messages.standard import Angle, Distance, Number, Speed, Switch, Text, Vector
 from msbot_bridges.bridge import Fit, fits_of
-from msbot_bridges.bridge.quantity import NUMBER, Quantity, quantity
+from msbot_bridges.bridge.quantity import NUMBER, Quantity, quantity, text_message
 from msbot_bridges.cyphal.aspect import Aspect, Builtin
 from msbot_bridges.cyphal.service_types import SERVICE_TYPES
 from msbot_bridges.cyphal.service_types import VECTORS as GROUPS
@@ -26,10 +26,10 @@ def _scalar(field_name: str, unit: str) -> Aspect:
     )
 
 
-def _made(what: Quantity, number: float) -> Message:
+def _made(what: Quantity, number: float) -> Message | None:
     if what.message is Distance and not math.isfinite(number):
         return Distance(metres=0.0, in_range=False)
-    return what.make(number)
+    return what.made(number)
 
 
 def _value(what: Quantity, message: Message) -> float:
@@ -128,7 +128,7 @@ def _types() -> dict[str, tuple[Aspect, ...]]:
             ),
         ),
         "uavcan.primitive.String.1.0": (
-            Aspect(Text, lambda told: Text(text=bytes(told.value).decode(errors="replace"))),
+            Aspect(Text, lambda told: text_message(bytes(told.value).decode(errors="replace"))),
         ),
         f"{udral}.kinematics.rotation.Planar.0.1": _planar(lambda told: told, lambda fields: fields),
         f"{udral}.dynamics.rotation.Planar.0.1": _planar(

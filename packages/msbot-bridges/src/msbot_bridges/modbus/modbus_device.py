@@ -128,8 +128,8 @@ class ModbusDevice(ForeignDevice):
 
     def read(self, point: ModbusPoint, value: float) -> None:
         """A point was read."""
-        if point.role is PointUse.OUT and self._report is not None:
-            self._report(point.name, point.message_of(value))
+        if self._report is not None and point.role is PointUse.OUT and (message := point.message_of(value)) is not None:
+            self._report(point.name, message)
         if self._is_stopping:
             self._judge(point, value)
 

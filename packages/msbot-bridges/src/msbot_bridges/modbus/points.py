@@ -148,10 +148,10 @@ class ModbusPoint:
         words = [int.from_bytes(octets[at : at + 2], "big") for at in range(0, len(octets), 2)]
         return words if self.words == "big" else words[::-1]
 
-    def message_of(self, value: float) -> Message:
-        """A value in the unit as a message."""
+    def message_of(self, value: float) -> Message | None:
+        """A value in the unit as a message; None: no message has room for so great a number."""
         what = self.quantity
-        return Switch(on=value != 0.0) if what is None else what.make(value)
+        return Switch(on=value != 0.0) if what is None else what.made(value)
 
     def value_of(self, message: Message) -> float:
         """The value in the unit that a message means."""
