@@ -32,7 +32,7 @@ class Lamp(ForeignDevice):
 
     def __init__(self, serial: bytes, news: Callable[[ForeignDevice], None]) -> None:
         self.identity = DeviceIdentity("hello", "lamp", serial, "Lamp of the example", where="here")
-        self.percent = 0.0
+        self.percent = self.safe = 0.0
         self.most = 100.0
         self.answers = True
         self.is_stopped = False
@@ -56,14 +56,19 @@ class Lamp(ForeignDevice):
         assert isinstance(value, float)
         self.most = value
 
+    def safe_is(self, port: str, message: Message) -> None:
+        assert isinstance(message, Level)
+        self.safe = message.percent  # what the slot says for STOP, or the library
+
     def stop(self) -> None:
-        self.percent, self._stopping = 0.0, True
+        self.percent, self._stopping = self.safe, True
         if self.answers and not self.is_stopped:
             self.is_stopped = True
             self._news(self)
 
     def go(self) -> None:
         self._stopping = self.is_stopped = False
+        self.safe = 0.0
 
     @property
     def not_stopped(self) -> str:

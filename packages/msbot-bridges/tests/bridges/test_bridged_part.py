@@ -137,6 +137,17 @@ def test_stop_is_confirmed_when_the_device_reports_it_and_not_before() -> None:
         assert lamp.percent == 20.0
 
 
+def test_the_lamp_of_the_example_is_at_stop_as_bright_as_its_slot_says() -> None:
+    lamp = Lamp(b"1", lambda _: bridged.news())
+    bridged = BridgedPart(lamp)
+    with robot_for(bridged.part, settings={"power.safe.percent": 20}) as robot:
+        robot.send("power", Level(percent=90))
+        robot.stop()
+        robot.advance(0.5)
+        assert lamp.percent == 20.0
+        assert robot.part._runner.safety.number == 1
+
+
 def test_a_cut_cable_makes_it_safe() -> None:
     with lamp_robot() as (lamp, robot):
         robot.send("power", Level(percent=40))

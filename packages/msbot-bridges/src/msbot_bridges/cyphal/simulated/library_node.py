@@ -107,6 +107,7 @@ class LibraryNode(ABC):
                 self._updating.cancel()
                 self._updating = None
             self.node.close()
+            self.node = None  # until it has started again
             await media.closed()
 
     async def _take_image(self, server: int, path: str) -> None:
