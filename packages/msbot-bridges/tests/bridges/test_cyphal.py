@@ -140,6 +140,35 @@ async def test_a_node_that_does_not_restart_is_named() -> None:
         assert int(node.node.registry["uavcan.pub.distance.id"]) == 2048
 
 
+async def test_a_node_that_does_not_answer_when_it_is_given_a_subject_is_given_it_again(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    from msbot_bridges.cyphal.data_types import load_types
+
+    await load_types()
+    from msbot_bridges.cyphal import cyphal_bus
+
+    write, lost = cyphal_bus.RegisterAccess.write, list[str]()
+
+    async def answer(self: Any, node_id: int, name: str, kind: str, value: Any) -> Any:
+        if not lost:
+            lost.append(name)
+            return None
+        return await write(self, node_id, name, kind, value)
+
+    monkeypatch.setattr(cyphal_bus, "GIVE_AGAIN_S", 0.2)
+    monkeypatch.setattr(cyphal_bus.RegisterAccess, "write", answer)
+    async with plugged("range") as (node, device, host):
+        device.begin(lambda _port, _message: None)
+        await host.until(lambda: device.fault)
+        words = "node 42 does not answer when it is given subject 2048 in uavcan.pub.distance.id"
+        assert device.fault == words
+        device.end()
+        await host.until(lambda: not device.fault)
+        await in_the_robot(device, host)
+        assert int(node.node.registry["uavcan.pub.distance.id"]) == 2048
+
+
 async def test_two_nodes_that_obey_one_subject_are_named() -> None:
     from msbot_bridges.cyphal.cyphal_world import CyphalWorld
     from msbot_bridges.cyphal.data_types import load_types

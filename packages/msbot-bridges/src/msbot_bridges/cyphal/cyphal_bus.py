@@ -45,6 +45,8 @@ ASK_TIMES: Final = 20
 SEEN_UPTIME_S: Final = 2
 RESTART_S: Final = 10.0
 """A node that has not started anew so long after it has been told does not restart by itself."""
+GIVE_AGAIN_S: Final = 5.0
+"""A node that has not answered when it was given a subject comes back so long after, and is given it again."""
 Who = tuple[bytes, bytes]
 SERVER: Final = -1
 """Instead of a node id: work that is not for one node."""
@@ -457,6 +459,11 @@ class CyphalBus:
             answer = (
                 None if subject is None else await self._registers.write(node_id, port.register, "natural16", subject)
             )
+            if subject is not None and answer is None:
+                device.failed(f"node {node_id} does not answer when it is given subject {subject} in {port.register}")
+                await asyncio.sleep(GIVE_AGAIN_S)  # when it is lost meanwhile, this ends
+                device.failed("")
+                return
             if answer is None or answer.values != (subject,):
                 device.failed(f"node {node_id} does not take subject {subject} in {port.register}")
                 return
