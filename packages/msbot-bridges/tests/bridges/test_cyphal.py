@@ -147,8 +147,9 @@ async def test_a_node_that_does_not_answer_when_it_is_given_a_subject_is_given_i
 
     await load_types()
     from msbot_bridges.cyphal import cyphal_bus
+    from msbot_bridges.cyphal.register_access import RegisterAccess
 
-    write, lost = cyphal_bus.RegisterAccess.write, list[str]()
+    write, lost = RegisterAccess.write, list[str]()
 
     async def answer(self: Any, node_id: int, name: str, kind: str, value: Any) -> Any:
         if not lost:
@@ -157,7 +158,7 @@ async def test_a_node_that_does_not_answer_when_it_is_given_a_subject_is_given_i
         return await write(self, node_id, name, kind, value)
 
     monkeypatch.setattr(cyphal_bus, "GIVE_AGAIN_S", 0.2)
-    monkeypatch.setattr(cyphal_bus.RegisterAccess, "write", answer)
+    monkeypatch.setattr(RegisterAccess, "write", answer)
     async with plugged("range") as (node, device, host):
         device.begin(lambda _port, _message: None)
         await host.until(lambda: device.fault)
