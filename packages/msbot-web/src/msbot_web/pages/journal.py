@@ -39,6 +39,7 @@ def register(service: Service) -> None:
 def _parts(page: Page, part: str) -> None:
     words = "Part, slot or UID" if page.may(Right.ARRANGE) else "Part or slot"
     find = ui.input(page.translate(words), value=part).props("dense outlined clearable")
+    find.style("width:min(24rem,100%)")  # its label in any language
     shown = ui.html("", sanitize=False).classes("w-full panel scroll").props("tabindex=0")
 
     heads = [page.translate(title) for title in ("Time", "Part", "State", "Reason")]

@@ -49,7 +49,7 @@ class SavedViews:
         self._saved = (
             ui.select([], label=page.translate("Saved views"), on_change=self._open)
             .props("outlined dense options-dense")
-            .style("min-width:10rem")
+            .style("min-width:14rem")
         )
         self._name = ui.input(page.translate("Name of this view")).props("outlined dense maxlength=40")
         ui.button(page.translate("Save"), icon="bookmark_add", on_click=self._save).props("flat")
