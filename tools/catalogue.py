@@ -21,8 +21,10 @@ import polib
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import msbot_agent
+import msbot_bridges
 import msbot_web
-from msbot.config import load_library
+from msbot.config import SAMPLES, load_library
+from msbot.config.blueprint.class_robot import GROUP_ROBOT_TOML
 from msbot.operations.rights import Right, Role
 from msbot.part.join.refusal import Refusal
 from msbot.pnp import PartState, packet_words
@@ -30,6 +32,7 @@ from msbot_web.pages.program_words import PART_SAYS
 from tools.sources import source_files
 
 FOLDER = Path(str(msbot_web.__path__[0])) / "languages"
+MAKERS = Path(str(msbot_bridges.__path__[0])) / "makers" / "robot.toml"
 OF_ANY_LANGUAGE = {"800 kbit/s", "9600 bit/s", "8 bit", "10 bit", "16 bit", "24 bit"}
 COMPLETE = FOLDER / "de.po"
 """Comes with each change of the program, so it also has texts that are not found here, such as those of missions."""
@@ -168,9 +171,11 @@ def losses_of_the_links() -> set[str]:
 
 
 def texts_of_the_library() -> set[str]:
-    """What the library says of its part types, as far as it holds words."""
+    """What the library says of its part types, and sample robots of their slots, as far as it holds words."""
     library = load_library()
     found = {message.description for message in library.messages.values()}
+    for robot in (*SAMPLES.values(), GROUP_ROBOT_TOML, MAKERS.read_text("utf-8")):
+        found |= set(re.findall(r'^description = "([^"]*)"$', robot, re.MULTILINE))
     for entry in library:
         found |= {entry.name, entry.description, entry.resolution, entry.connector, entry.specification}
         found |= {entry.driver.none}

@@ -44,6 +44,7 @@ def relay_tickets(page: Page) -> None:
             return
         with ui.element("div").classes("row").style("margin-top:.8rem;align-items:flex-end"):
             wanted = ui.input(say("Name of the relay or agent")).props("dense outlined maxlength=64")
+            wanted.style("width:min(18rem,100%)")
 
             async def make() -> None:
                 made: list[str] = []
