@@ -82,6 +82,7 @@ def test_modules_of_jacdac_keep_it_with_power() -> None:
 def test_without_a_value_of_the_robot_modules_of_jacdac_have_no_power() -> None:
     module = found(JacdacBus(), MOTOR, BUZZER).module
     device = ModuleDevice(module, lambda: None, lambda _: None)
+    assert {one.name: one.stops_by for one in device.inputs} == {"power": "", "tone": "volume 0"}
     device.safe_is("power", Level(percent=0))  # the module's own
     device.safe_is("tone", Tone(hertz=440, seconds=1))
     device.stop()

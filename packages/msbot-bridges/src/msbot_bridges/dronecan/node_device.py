@@ -1,8 +1,8 @@
 """One node as a device: what it broadcasts says what it is.
 
 A node does not declare its messages. It is listened to for a while after it has said who it is; the messages that it
-sends decide its ports. Whether it has stopped, only its own reports say: a motor that stands still, a servo that is at
-its neutral position.
+sends decide its ports. Whether it has stopped, only its own reports say: a motor that stands still, a servo at its
+neutral position, or what its slot has instead.
 """
 
 from __future__ import annotations

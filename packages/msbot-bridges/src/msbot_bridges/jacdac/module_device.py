@@ -48,7 +48,7 @@ class ModuleDevice(ForeignDevice):
         self._name_ports()
         self.outputs = [DeviceOutput(name, sensor.message) for name, sensor in self._sensors.values()]
         self.inputs = [
-            Input(name, actuator.message, actuator.safe, actuator.ranges(module.registers(index)))
+            Input(name, actuator.message, actuator.safe, actuator.ranges(module.registers(index)), actuator.stops_by)
             for name, (index, actuator) in self._actuators.items()
         ]
         self.settings = [
@@ -99,8 +99,8 @@ class ModuleDevice(ForeignDevice):
     def safe_is(self, port: str, message: Message) -> None:
         """See `ForeignDevice`: `stop` writes it, and waits for it."""
         actuator = self._actuators[port][1]
-        if message == actuator.safe or actuator.tell(message) is not None:
-            self._safe.pop(port, None)  # the module's own way to be safe; a tone does not last
+        if message == actuator.safe or actuator.stops_by:
+            self._safe.pop(port, None)  # the module's own way to be safe
         else:
             self._safe[port] = message
 

@@ -131,6 +131,8 @@ class Actuator(ServiceKind):
     """Registers of the safest state; it has stopped when all of them have been reported."""
     stopped: str = field(kw_only=True)
     """What it has to report, in words."""
+    stops_by: str = field(default="", kw_only=True)
+    """What STOP does whatever the safe value is; empty: nothing else."""
     stops_without_power: bool = field(default=False, kw_only=True)
     """It moves or sounds: nobody in command means off, whatever its safe value is."""
     ranges: Callable[[Registers], Mapping[str, tuple[float, float]]] = field(default=lambda _: {}, kw_only=True)
@@ -363,6 +365,7 @@ SERVICES: Mapping[int, ServiceKind] = {
         safe=Tone(hertz=0, seconds=0),
         stop=lambda _: {INTENSITY: b"\0"},
         stopped="that its volume is 0",
+        stops_by="volume 0",
         stops_without_power=True,
     ),
 }
