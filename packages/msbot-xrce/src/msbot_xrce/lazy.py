@@ -16,11 +16,48 @@ from reprlib import recursive_repr
 from typing import TYPE_CHECKING, Any
 from weakref import WeakSet
 
+if TYPE_CHECKING:
+    from inspect import Signature
+
 __all__ = ["dataclass", "lazy_face"]
 
-_MADE = object()
+
+class _Made:
+    def __repr__(self) -> str:
+        return "<factory>"
+
+
+_MADE = _Made()
 """The default of an argument whose value a factory makes."""
 _FROZEN: WeakSet[type] = WeakSet()
+
+
+class _LateSignature:
+    """What `inspect.signature` and `help` show of a class: its fields, not those of a method that is yet to come."""
+
+    def __get__(self, one: object, cls: type) -> Signature:
+        maker = next(each for each in cls.__mro__ if "__init__" in each.__dict__)
+        if one is not None or not getattr(maker.__dict__["__init__"], _IS_MADE_HERE, False):
+            raise AttributeError("__signature__")  # then `inspect` looks at the method
+        return _signature(maker)
+
+
+_IS_MADE_HERE = "_msbot_made_here"
+_LATE_SIGNATURE = _LateSignature()
+
+
+def _signature(cls: type) -> Signature:
+    import inspect  # nobody else here needs it
+
+    kinds = (inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY)
+    arguments = []
+    for each in sorted((one for one in _fields(cls) if one.init), key=lambda one: bool(one.kw_only)):
+        default = each.default
+        if default is dataclasses.MISSING:
+            default = inspect.Parameter.empty if each.default_factory is dataclasses.MISSING else _MADE
+        kind = kinds[bool(each.kw_only)]
+        arguments.append(inspect.Parameter(each.name, kind, default=default, annotation=each.type))
+    return inspect.Signature(arguments, return_annotation=None)
 
 
 def _decorated(cls: type, *, frozen: bool, slots: bool, eq: bool) -> type:
@@ -44,6 +81,7 @@ def _decorated(cls: type, *, frozen: bool, slots: bool, eq: bool) -> type:
         _freeze(made)
     for name in compiled:
         setattr(made, name, _late(made, name, compiled))
+    made.__signature__ = _LATE_SIGNATURE  # type: ignore[attr-defined]
     return made
 
 
@@ -63,6 +101,7 @@ def _late(cls: type, name: str, all_names: Sequence[str]) -> Callable[..., objec
         return getattr(cls, name)(self, *args, **named)
 
     method.__name__, method.__qualname__ = name, f"{cls.__qualname__}.{name}"
+    setattr(method, _IS_MADE_HERE, True)
     return method
 
 
@@ -72,6 +111,7 @@ def _compiled(cls: type, names: Sequence[str]) -> Mapping[str, Callable[..., obj
     exec("\n".join(sources[name](cls, space) for name in names), space)  # noqa: S102 - the names of fields only
     for name in names:
         space[name].__qualname__, space[name].__module__ = f"{cls.__qualname__}.{name}", cls.__module__
+        setattr(space[name], _IS_MADE_HERE, True)
     return {name: space[name] for name in names}
 
 

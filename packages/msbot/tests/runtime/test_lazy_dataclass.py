@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import dataclasses
+import inspect
 import pickle
 from collections.abc import Callable
 from dataclasses import FrozenInstanceError, field
@@ -106,6 +107,7 @@ def test_it_does_what_the_plain_ones_do(
     late, plain = (made(decorator, kinds, extras, options) for decorator in (dataclass, dataclasses.dataclass))
     assert vars(late)["__match_args__"] == vars(plain)["__match_args__"]
     assert hasattr(late, "__slots__") is hasattr(plain, "__slots__")
+    assert str(inspect.signature(late)) == str(inspect.signature(plain))
     alike = [
         [outcome(lambda of=of, given=given, by=by: of(*given, **by)) for of in (late, plain)]  # type: ignore[misc]
         for given, by in ((values, named), (values, named), (others, {}))
@@ -187,3 +189,22 @@ def test_methods_are_compiled_once_and_at_first_use() -> None:
     assert compiled.__qualname__.endswith("Late.__init__")
     with pytest.raises(TypeError, match=r"Late.__init__\(\) missing 1 required positional argument: 'value'"):
         Late()  # type: ignore[call-arg]
+
+
+def test_a_signature_is_that_of_the_fields_also_where_a_class_stands_on_one() -> None:
+    class Child(Above):
+        """Made as its base is."""
+
+    class Own(Above):
+        """Made in its own way."""
+
+        def __init__(self, word: str) -> None:
+            super().__init__(len(word), word)
+
+    for _ in range(2):  # before its methods are compiled, and after
+        assert [str(inspect.signature(each)) for each in (Above, Child, Own)] == [
+            "(value: 'int' = 0, other: 'str' = 'x') -> None",
+            "(value: 'int' = 0, other: 'str' = 'x') -> None",
+            "(word: 'str') -> 'None'",
+        ]
+        assert Own("abc") == Own("abc")

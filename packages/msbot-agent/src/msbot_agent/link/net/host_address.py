@@ -50,7 +50,7 @@ def cannot_listen(name: str, host: str, port: int, error: OSError, *, lister: st
     """The error for an address that cannot be served; `lister` is the command that shows who has the port."""
     remedies = {
         errno.EADDRINUSE: f"another program listens there: end it (`{lister} sport = :{port}` names it) "
-        "or choose another port",
+        f"or choose another port, such as {port + 1 if port < 65535 else port - 1}",
         errno.EACCES: "ports below 1024 belong to the system: choose a higher one",
         errno.EADDRNOTAVAIL: f"no interface of this machine has the address {host}: "
         "use 127.0.0.1, or 0.0.0.0 for all (`ip address` shows them)",

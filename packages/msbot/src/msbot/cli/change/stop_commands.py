@@ -16,6 +16,7 @@ import click
 from msbot.cli.database_place import DEFAULT_BLUEPRINT, database_beside
 from msbot.cli.robot_options import robot_options, stop_group_option, user_name
 from msbot.registry.records import database_identity
+from msbot.stop.masters_of_others import masters_of_others, others_words
 from msbot.stop.socket_folders import IS_THERE, own_user
 from msbot.stop.socket_names import group_to_stop
 from msbot.stop.stop_request import SilentMaster, ask_masters, user_words
@@ -217,7 +218,11 @@ def _by_the_ordinary_way(do: str, args: dict[str, object], meant: ChosenRobots, 
         raise ConfigError(f"{without_master}: no master of the STOP group {group} runs here")
     master = running_master(db, robot)
     if master is None:  # the database could do nothing here, and a starting master may hold it
-        raise ConfigError(f"{without_master}: no master of this robot runs here; if one is just starting, say it again")
+        others = others_words(masters_of_others(), _COMMAND_OF[do])
+        also = f"; {others}" if others else ""
+        raise ConfigError(
+            f"{without_master}: no master of this robot runs here; if one is just starting, say it again{also}"
+        )
     if group and master.details.get("stop_group", "") != group:
         raise ConfigError(f"{without_master}: no master of the STOP group {group} runs here")
     answer = perform(db, robot, do, args)
@@ -225,6 +230,7 @@ def _by_the_ordinary_way(do: str, args: dict[str, object], meant: ChosenRobots, 
     return StopAnswers([{**master.details, **report}], [])
 
 
+_COMMAND_OF = {"stop": "msbot stop", "go": "msbot go", "stop_report": "msbot stop --status"}
 PATIENCE_S = 2.0
 """How long the command waits for the parts to confirm."""
 LOOK_S = 0.02
