@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
+from urllib.parse import parse_qs, urlsplit
+
+import click
 
 from msbot.registry.records import database_identity
 from msbot_xrce.errors import ConfigError
@@ -52,3 +55,23 @@ def existing_database(db: str | None) -> str:
     if not is_there(path):
         raise ConfigError(no_database(path))
     return path
+
+
+def tell_of_password(db: str) -> None:
+    """Tell on standard error that the address of a database has a password in it, which others then read.
+
+    For programs that run long, and what is written for them: `ps` shows every user their command line.
+    """
+    try:
+        address = urlsplit(db)
+        if not address.password and not parse_qs(address.query).get("password"):
+            return
+        port = address.port or 5432
+    except ValueError:
+        return  # it is no address: who opens it says so
+    line = f"{address.hostname or '*'}:{port}:{address.path.lstrip('/') or '*'}:{address.username or '*'}:PASSWORD"
+    click.echo(
+        f"every user of this computer can read the password in --db (`ps`): leave it out, and write {line} into "
+        "~/.pgpass (chmod 600), or set $PGPASSWORD",
+        err=True,
+    )

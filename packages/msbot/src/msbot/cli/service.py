@@ -13,7 +13,7 @@ from pathlib import Path
 
 import click
 
-from msbot.cli.database_place import DEFAULT_BLUEPRINT, database_beside
+from msbot.cli.database_place import DEFAULT_BLUEPRINT, database_beside, tell_of_password
 from msbot.cli.robot_options import DEFAULT_LINK
 from msbot.stop.socket_folders import PREFIX as STOP_FOLDERS
 from msbot_agent.cli.exit_status import ExitStatus
@@ -233,6 +233,13 @@ class RobotService:
         return self.unit[:LONGEST_USER].rstrip("-")
 
     @property
+    def shown_db(self) -> str:
+        """Its database for people, without a password."""
+        from msbot.registry import without_password
+
+        return without_password(self.db)
+
+    @property
     def state(self) -> Path:
         """Where a service of the computer keeps its data."""
         return state_of(self.unit)
@@ -425,6 +432,7 @@ def install(
         for_all=for_all,
         standby=standby,
     )
+    tell_of_password(wanted.db)
     manager = Systemd(for_all=for_all)
     if only_print or not is_there():
         if not only_print:
@@ -440,7 +448,7 @@ def install(
     manager.install(wanted.files(), wanted.started(), wanted.users_file() if for_all else "")
     click.echo(f"{wanted.name} runs, and starts with the computer: {wanted.unit}.service in {manager.folder}.")
     if for_all:
-        click.echo(f"It runs as the user {wanted.user}. Its database: {wanted.db}.")
+        click.echo(f"It runs as the user {wanted.user}. Its database: {wanted.shown_db}.")
     click.echo(f"Its log: {manager.logs_command(wanted.unit)}    (the page's address is in it)")
     if wanted.backup_at:
         click.echo(f"Backups: {wanted.backup_at}, the newest {keep} in {wanted.backups}.")
@@ -482,7 +490,7 @@ def status(blueprint: Path, *, for_all: bool, as_json: bool) -> None:
         "pid": int(master.get("MainPID") or 0),
         "next_backup": timer.get("NextElapseUSecRealtime", ""),
         "blueprint": str(wanted.blueprint),
-        "database": wanted.db,
+        "database": wanted.shown_db,
         "log": manager.logs_command(wanted.unit),
     }
     if as_json:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Final
 
@@ -17,6 +18,8 @@ from msbot.stop.stop_request import user_words
 PROCESSES: Final = Path("/proc")
 _COMMANDS: Final = (b"master", b"demo")
 _PROGRAM: Final = b"msbot"
+_FIRST_WORDS: Final = 4
+"""The command is among them: `python -m msbot master`."""
 _MOST_SHOWN: Final = 4
 
 
@@ -60,7 +63,5 @@ def others_words(found: Mapping[int, Sequence[int]], command: str) -> str:
 
 def _is_master(words: Sequence[bytes]) -> bool:
     """Whether a process runs `msbot master` or `msbot demo`: by its script, or as `python -m msbot`."""
-    for before, word in zip(words, words[1:4], strict=False):
-        if word in _COMMANDS and before.rpartition(b"/")[2] == _PROGRAM:
-            return True
-    return False
+    first = pairwise(words[:_FIRST_WORDS])
+    return any(word in _COMMANDS and before.rpartition(b"/")[2] == _PROGRAM for before, word in first)

@@ -43,9 +43,7 @@ def test_root_and_their_own_user_reach_them_anyway(user: int, processes: Path, m
     assert not others.masters_of_others(processes)
 
 
-def test_who_says_stop_is_told_whose_they_are(
-    processes: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_who_says_stop_is_told_whose_they_are(processes: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "folder").mkdir()
     monkeypatch.chdir(tmp_path / "folder")
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))

@@ -16,6 +16,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from msbot.cli import service as systemd
+from msbot.cli.database_place import tell_of_password
 from msbot.cli.service import RobotService, Systemd, command, quoted
 from msbot.config import write_sample
 from msbot.stop import socket_folders
@@ -121,6 +122,47 @@ def test_masters_that_take_turns_need_a_server(folder: Path, played: Played) -> 
     assert ask("install", "--standby", "--db", "postgresql://ann@server/robots").exit_code == 0
     unit = (folder / "config/systemd/user/msbot-msbot_master.service").read_text()
     assert "--db postgresql://ann@server/robots --link udp:127.0.0.1:8888 --standby" in unit
+
+
+def test_a_password_in_the_address_is_told_and_not_shown(folder: Path, played: Played) -> None:
+    address = "postgresql://ann:secret@server:5433/robots"
+    done = ask("install", "--db", address)
+    assert "every user of this computer can read the password in --db" in done.output
+    assert "write server:5433:robots:ann:PASSWORD into ~/.pgpass (chmod 600), or set $PGPASSWORD" in done.output
+    assert "secret" not in done.output
+    assert "PASSWORD" not in ask("install", "--db", "postgresql://ann@server/robots").output
+
+
+def test_status_names_the_database_without_its_password() -> None:
+    wanted = RobotService(
+        name="R",
+        python="python",
+        blueprint=Path("robot.toml"),
+        db="postgresql://ann:secret@server/robots",
+        options=(),
+        for_all=False,
+        backups=Path("backups"),
+        backup_at="",
+        keep=1,
+    )
+    assert wanted.shown_db == "postgresql://ann:***@server/robots"
+
+
+@pytest.mark.parametrize(
+    ("address", "told"),
+    [
+        ("postgresql://ann@server/robots", ""),
+        ("robot.db", ""),
+        ("postgresql://ann:x@[", ""),
+        ("postgresql:///robots?user=ann&password=x", "write *:5432:robots:*:PASSWORD into ~/.pgpass"),
+        ("postgresql://ann:x@127.0.0.1/robots", "write 127.0.0.1:5432:robots:ann:PASSWORD into ~/.pgpass"),
+    ],
+)
+def test_where_a_password_belongs(address: str, told: str, capsys: pytest.CaptureFixture[str]) -> None:
+    tell_of_password(address)
+    said = capsys.readouterr().err
+    assert told in said
+    assert bool(said) is bool(told)
 
 
 def test_without_backups_there_is_no_timer(folder: Path, played: Played) -> None:

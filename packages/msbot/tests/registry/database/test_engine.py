@@ -121,6 +121,30 @@ def test_missing_permissions(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
     check_file(parse_address(path), create=False, read_only=True)
 
 
+@pytest.mark.skipif(not hasattr(os, "geteuid"), reason="this system has no owners of files")
+@pytest.mark.parametrize("read_only", [False, True])
+def test_a_file_of_another_user_names_that_user(
+    read_only: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: object) -> None:
+        raise PermissionError(13, "Permission denied")
+
+    from pwd import getpwuid
+
+    path = tmp_path / "robot.db"
+    path.touch()
+    monkeypatch.setattr("msbot.registry.database.engine.open_input_file", refuse)
+    monkeypatch.setattr(os, "access", lambda _path, _mode: False)
+    owner = path.stat().st_uid
+    monkeypatch.setattr(os, "geteuid", lambda: owner + 1)
+    with pytest.raises(RegistryError) as refused:
+        check_file(parse_address(path), create=False, read_only=read_only)
+    assert str(refused.value) == (
+        f"the database {path} belongs to another user: put `sudo -u {getpwuid(owner).pw_name}` before the command, "
+        "or choose another --db"
+    )
+
+
 def test_a_file_that_cannot_be_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(*_: object) -> None:
         raise PermissionError(13, "Permission denied")

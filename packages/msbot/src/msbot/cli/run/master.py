@@ -14,7 +14,7 @@ from pathlib import Path
 import click
 
 from msbot.cli.change.robot_access import MOST_NAMED, master_details, robot_words
-from msbot.cli.database_place import DEFAULT_BLUEPRINT, database_beside
+from msbot.cli.database_place import DEFAULT_BLUEPRINT, database_beside, tell_of_password
 from msbot.cli.robot_options import DEFAULT_LINK, StopGroupType, db_option, library_option, metrics_option
 from msbot.cli.run.bridges_beside import bridges_beside, check_bridges
 from msbot.cli.run.master_services import (
@@ -186,6 +186,7 @@ def command(
         open_link(address, serve=True, can=CAN)  # report mistakes before the database is touched
     bigger = bigger_robot(robot, library, part_of, as_number)
     where = db or database_beside(blueprint)
+    tell_of_password(where)
     with contextlib.suppress(KeyboardInterrupt):
         wishes = _Beside(rec, metrics_port, log_wishes, bigger, stop_group, services)
         while _with_database(robot, library, addresses, space, where, wishes, description, standby=standby):

@@ -144,6 +144,7 @@ def check_file(address: Address, *, create: bool, read_only: bool) -> None:
             )
         return
     if not read_only and not (os.access(path, os.W_OK) and os.access(folder, os.W_OK)):
+        _refuse_file_of_another(path)
         raise RegistryError(
             said(
                 "the database {path} is read-only: allow writing to the file and its folder (`chmod u+w`), {otherwise}",
@@ -152,6 +153,33 @@ def check_file(address: Address, *, create: bool, read_only: bool) -> None:
             )
         )
     _check_magic(path)
+
+
+def _refuse_file_of_another(path: Path) -> None:
+    """Say whose a database is that this user may not use, as that of a service; changing its rights would be wrong.
+
+    Raises:
+        RegistryError: it belongs to another user.
+    """
+    if not hasattr(os, "geteuid"):
+        return
+    owner = path.stat().st_uid
+    if owner == os.geteuid():
+        return
+    try:
+        from pwd import getpwuid  # not everywhere
+
+        name = getpwuid(owner).pw_name
+    except (ImportError, KeyError):
+        name = f"'#{owner}'"  # sudo(8): a number
+    raise RegistryError(
+        said(
+            "the database {path} belongs to another user: put `sudo -u {name}` before the command, {otherwise}",
+            path=path,
+            name=name,
+            otherwise=ELSE,
+        )
+    )
 
 
 in_use: Counter[tuple[int, int]] = Counter()
@@ -180,6 +208,8 @@ def _check_magic(path: Path) -> None:
         with open_input_file(path) as stream:
             beginning = stream.read(len(MAGIC)) or b""
     except OSError as error:
+        if isinstance(error, PermissionError):
+            _refuse_file_of_another(path)
         raise RegistryError(
             said(
                 "the database {path} cannot be read ({strerror}): mend that, {otherwise}",
