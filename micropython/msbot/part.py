@@ -69,6 +69,7 @@ class Part:
         self.slot = ""
         self.settings = {}
         self.stopped = False
+        self.mistake = False  # a mistake of the program has ended it
         self.out_of_range = 0
         self.counters = Counters()
         self.clock = None  # ms; set by the runner of the part, to find functions that are slow

@@ -25,8 +25,7 @@ def run(part):
     try:
         link = once("board").open_for(part)
     except MsbotError as error:
-        say("error", str(error))
-        return
+        fail(str(error))
     part.nature = part.nature or 1  # this is a board, so there is hardware
     clock = Clock()
     part.clock = clock.now
@@ -40,6 +39,24 @@ def run(part):
                     time.sleep_ms(max(0, min(due - clock.now(), _NAP)))
         except KeyboardInterrupt:
             part.end()
+    if part.mistake:
+        fail()
+
+
+class ProgramFailed(Exception):
+    """A mistake, which a sentence has told, has ended the program."""
+
+
+def fail(sentence=""):
+    """End the program after a mistake: on a computer with status 2, as there under CPython.
+
+    A board would start anew at SystemExit, and so for ever; for an exception it prints where it was, and is at hand.
+    """
+    if sentence:
+        say("error", sentence)
+    if sys.platform in ("linux", "darwin", "win32"):
+        raise SystemExit(2)
+    raise ProgramFailed("the line above says why")
 
 
 def start(name):
@@ -48,12 +65,11 @@ def start(name):
         with open(name) as file:
             source = once("annotations").with_fields(file.read())
     except OSError:
-        say("error", "there is no file {} on the board".format(name))
-        return
+        fail("there is no file {} on the board".format(name))
     try:
         exec(compile(source, name, "exec"), {"__name__": "__main__"})
     except MsbotError as error:
-        say("error", str(error))
+        fail(str(error))
 
 
 class Clock:

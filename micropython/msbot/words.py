@@ -166,6 +166,7 @@ def failed(part, function, error):
     elif part.configurations > 1:  # it worked with an earlier one: the program is not to blame
         part.report("{}: {}".format(where, error), "since the configuration has changed")
     else:
+        part.mistake = True
         part.end()
         say("error", "{}: {}".format(where, error))
 

