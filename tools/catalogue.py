@@ -26,8 +26,9 @@ import msbot_web
 from msbot.config import SAMPLES, load_library
 from msbot.config.blueprint.class_robot import GROUP_ROBOT_TOML
 from msbot.operations.rights import Right, Role
+from msbot.part.join.home import Home
 from msbot.part.join.refusal import Refusal
-from msbot.pnp import PartState, packet_words
+from msbot.pnp import PartState, inventory_record, packet_words
 from msbot_web.pages.program_words import PART_SAYS
 from tools.sources import source_files
 
@@ -131,7 +132,7 @@ def sentences_of_the_robot() -> set[str]:
     """Every form that rooms make sentences of, and the words of states, refusals, roles and rights."""
     found = {word.value for word in PartState} | {refusal.describe for refusal in Refusal}
     found |= {refusal.name.lower().replace("_", " ") for refusal in Refusal}
-    found |= set(packet_words.FORMS)
+    found |= {*packet_words.FORMS, *inventory_record.FORMS, *(home.label for home in Home)}
     found |= {words for role in Role for words in (role.word, role.with_article)} | {right.value for right in Right}
     for path in source_files():
         for node in ast.walk(ast.parse(path.read_text())):

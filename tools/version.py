@@ -21,6 +21,8 @@ PLACES = (
     ("packages/*/pyproject.toml", re.compile(r'^(version = ")([^"]+)(")$', re.MULTILINE)),
     ("packages/*/pyproject.toml", re.compile(rf'("(?:{OWN})(?:\[[\w,-]+\])?==)([^";]+)(")')),
     ("micropython/msbot/__init__.py", re.compile(r'^(__version__ = ")([^"]+)(")$', re.MULTILINE)),
+    ("packages/msbot/src/msbot/part/join/home.py", re.compile(r'^(VERSION: Final = ")([^"]+)(")$', re.MULTILINE)),
+    ("firmware/c/msbot_part.h", re.compile(r'^(#define MSBOT_VERSION ")([^"]+)(")$', re.MULTILINE)),
     ("docs/howto/*.md", re.compile(r"(\bmsbot(?:_agent|_xrce)?-)(\d[\w.]*)(-py3-none-any\.whl)")),
     ("docs/howto/*.md", re.compile(r"(\bmsbot-)(\d[\w.]*)(\.cdx\.json)")),
     ("docs/howto/*.md", re.compile(r"(\bmsbot_)(\d[\w.]*)(_(?:amd64|arm64)\.deb)")),

@@ -22,6 +22,9 @@
 enum { PARTICIPANT = 0x0011, PROFILE_TOPIC = 0x0012, PUBLISHER = 0x0013, SUBSCRIBER = 0x0014, PROFILE_READER = 0x0016,
        INVENTORY = 0x0017 };
 enum { OBJECTS = 5 };
+enum { TELL_NATURE = 1, TELL_SOFTWARE = 2, TELL_HOME = 4 };
+/* As pieces of a line (msbot_log.c), of kinds of their own; each text is one piece. */
+enum { SOFTWARE_PIECE = 0xD0, HOME_PIECE = 0xE0, PIECE = 12 };
 enum { PARTNER_LOST = 1, IDENTIFY = 3, STOP = 4, GO = 5 };
 
 static bool is_due(uint32_t at, uint32_t now) { return (int32_t)(now - at) >= 0; }
@@ -217,7 +220,7 @@ static void enter(msbot_part *part, msbot_part_state state, uint32_t now_us)
     msbot_part_state before = part->state;
     part->state = state;
     part->has_retry = part->claim_due = part->proof_due = part->fetch_due = false;
-    part->nature_due = state == MSBOT_ACTIVE && part->config.nature != MSBOT_NATURE_UNKNOWN;
+    part->to_tell = state == MSBOT_ACTIVE ? TELL_NATURE | TELL_SOFTWARE | TELL_HOME : 0;
     if (!beats(part)) {
         part->lease = part->version = 0;
         part->has_beat = part->waiting = false;
@@ -868,6 +871,40 @@ static bool send_claim(msbot_part *part)
     return msbot_xrce_write(&part->client, INVENTORY, MSBOT_RELIABLE, payload, at + 4);
 }
 
+static bool tell_text(msbot_part *part, uint8_t place, const char *text)
+{
+    uint8_t told[5 + PIECE] = {0};
+    put_u32(told, part->lease);
+    told[4] = place;
+    for (unsigned i = 0; i < PIECE && text[i] != 0; i++) {
+        told[5 + i] = (uint8_t)text[i];
+    }
+    return msbot_xrce_write(&part->client, INVENTORY, MSBOT_RELIABLE, told, sizeof told);
+}
+
+/* What it says of itself; false when there is no room for all of it. */
+static bool book_versions(msbot_part *part)
+{
+    uint8_t nature[5];
+    put_u32(nature, part->lease);
+    nature[4] = part->config.nature;
+    if ((part->to_tell & TELL_NATURE) != 0 && nature[4] != MSBOT_NATURE_UNKNOWN &&
+        !msbot_xrce_write(&part->client, INVENTORY, MSBOT_RELIABLE, nature, sizeof nature)) {
+        return false;
+    }
+    part->to_tell &= TELL_SOFTWARE | TELL_HOME;
+    if ((part->to_tell & TELL_SOFTWARE) != 0 && part->config.software != NULL &&
+        !tell_text(part, SOFTWARE_PIECE, part->config.software)) {
+        return false;
+    }
+    part->to_tell &= TELL_HOME;
+    if (part->to_tell != 0 && !tell_text(part, HOME_PIECE, "C " MSBOT_VERSION)) {
+        return false;
+    }
+    part->to_tell = 0;
+    return true;
+}
+
 static bool book_requests(msbot_part *part)
 {
     uint8_t request[8];
@@ -885,12 +922,7 @@ static bool book_requests(msbot_part *part)
         return false;
     }
     part->fetch_due = false;
-    request[4] = part->config.nature;
-    if (part->nature_due && !msbot_xrce_write(&part->client, INVENTORY, MSBOT_RELIABLE, request, 5)) {
-        return false;
-    }
-    part->nature_due = false;
-    return true;
+    return book_versions(part);
 }
 
 static void book(msbot_part *part)

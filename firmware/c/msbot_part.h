@@ -15,6 +15,8 @@
 extern "C" {
 #endif
 
+#define MSBOT_VERSION "0.1.0"
+
 #ifndef MSBOT_PART_PORTS
 #define MSBOT_PART_PORTS 7 /* ports of the part, at most */
 #endif
@@ -75,6 +77,7 @@ typedef struct {
     const uint8_t *key;   /* 16 to 64 octets, or NULL */
     size_t key_size;
     uint8_t nature; /* MSBOT_NATURE_... */
+    const char *software; /* version of the program, at most 12 octets in UTF-8; NULL: it says none */
     uint32_t random; /* not 0; drawn anew at every start: two devices with one UID must differ */
     const msbot_port_type *ports;
     unsigned port_count;
@@ -113,7 +116,8 @@ typedef struct {
     uint32_t random, nonce, lease, version, beat_us;
     uint32_t retry_us, beat_at_us, waiting_us, heard_us; /* valid while: */
     bool has_retry, has_beat, waiting;
-    bool claim_due, proof_due, fetch_due, nature_due, has_publisher;
+    bool claim_due, proof_due, fetch_due, has_publisher;
+    uint8_t to_tell; /* what it says of itself once it is active, bit by bit */
     uint8_t set_up; /* objects that this session has, of those that every part needs */
     uint8_t profile_read, profile_wanted, reply_stream, reply_wanted;
     uint8_t proof[16];

@@ -101,6 +101,7 @@ def _start(request):
     def host(part):
         _parts.append(part)
         part.uid = part.uid or bytes.fromhex(request["uid"])
+        part.home = "web"
         if request["live"]:
             part.clock = time.ticks_ms
             _watch(part)

@@ -290,6 +290,8 @@ class Membership:
             return  # a function of the part has ended it
         if state is _S.ACTIVE and self.part.nature:
             self._ask(struct.pack("<IB", self._lease, self.part.nature), RELIABLE)
+        if state is _S.ACTIVE:
+            once("versions").tell(self, now)
         elif state is _S.CLAIMING:
             self._send_claim(now)
         elif state is _S.REFUSED:

@@ -62,6 +62,8 @@ class Part:
         self.key = None
         if key is not None:
             self.key = once("keys").parse_key(key)
+        self.hardware = self.software = ""  # versions, which the robot shows
+        self.home = "MPy"  # what runs the part (`msbot.part.join.home`)
         self.nature = 0  # what is behind its ports: 1 = hardware, 2 = a model of it; the robot shows it
         self.describes = describes is not False
         self.called = describes if isinstance(describes, str) else self.local_name

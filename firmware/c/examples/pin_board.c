@@ -86,6 +86,7 @@ msbot_config_error pin_board_init(const pin_board_pins *board, const uint8_t uid
     config.random = random;
     config.part_number = "PIN-BOARD";
     config.nature = MSBOT_NATURE_REAL;
+    config.software = "1";
     config.local_name = "board";
     config.ports = PORTS;
     config.port_count = 2;

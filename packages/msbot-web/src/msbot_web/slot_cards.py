@@ -228,6 +228,8 @@ def part_line(info: PartInfo, *, is_ignored: bool) -> PartLine:
         nature=info.nature.label,
         hardware=info.hardware,
         software=info.software,
+        home=info.home,
+        msbot=info.msbot,
         says=None if info.says is None else _says(info.says),
         refusal="" if info.refusal is None else info.refusal.name.lower(),
     )

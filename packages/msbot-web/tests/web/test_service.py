@@ -70,7 +70,7 @@ LEAST = {
     "stop_report": Role.VIEWER, "identify": Role.STUDENT, "why": Role.VIEWER, "publish": Role.STUDENT,
     "topics": Role.VIEWER, "topic_samples": Role.VIEWER, "log_lines": Role.VIEWER, "publish_topic": Role.STUDENT,
     "call": Role.STUDENT,
-    "let_go": Role.STUDENT, "stored": Role.VIEWER, "add_slot": Role.TEACHER, "remove_slot": Role.TEACHER,
+    "let_go": Role.STUDENT, "stored": Role.VIEWER, "versions": Role.VIEWER, "add_slot": Role.TEACHER, "remove_slot": Role.TEACHER,
     "record": Role.TEACHER, "end_record": Role.TEACHER, "recording": Role.VIEWER,
     "forget_type": Role.TEACHER, "plant_fault": Role.TEACHER, "clear_fault": Role.TEACHER, "faults": Role.TEACHER,
     "simulate": Role.TEACHER, "objects": Role.VIEWER, "start_mission": Role.TEACHER, "stop_mission": Role.TEACHER,

@@ -126,6 +126,7 @@ def test_every_operation_can_be_asked_for(tmp_path: Path) -> None:
             "end_record": await ask(stage, "end_record"),
             "objects": await ask(stage, "objects"),
             "stored": await ask(stage, "stored"),
+            "versions": await ask(stage, "versions"),
             "go": await ask(stage, "go"),
             "plant_fault": await ask(stage, "plant_fault", kind="loss", at="AA"),
             "faults": await ask(stage, "faults"),

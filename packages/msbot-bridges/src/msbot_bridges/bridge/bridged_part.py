@@ -17,6 +17,7 @@ from collections.abc import Callable
 from msbot.part import JoinState, Message, NotSafeYet, Part
 from msbot.part.beginner_hints import part_is_run
 from msbot.part.description import describe
+from msbot.part.join.home import Home
 from msbot.part.join.pnp_messages import Nature
 from msbot_agent.link import Link
 from msbot_bridges.bridge.contract import DeviceSetting, ForeignDevice, Value
@@ -80,7 +81,7 @@ class BridgedPart:
     def _part_with(self, settings: list[str]) -> Part:
         device, who = self.device, self.device.identity
         part = Part(who.part_number, uid=who.uid, describes=who.words)
-        part.hardware, part.software = who.hardware, who.software
+        part.hardware, part.software, part.home = who.hardware, who.software, Home.BRIDGE
         part_is_run(part)  # or given up for one with fewer settings
         for output in device.outputs:
             part.publishes(output.name, output.message)

@@ -246,6 +246,10 @@ class PartLine(Model):
     hardware: str = ""
     software: str = ""
     """Versions, as the part itself says; empty when it does not."""
+    home: str = ""
+    """Where it runs, as it says: `PC`, `MicroPython`, `C`, `browser` or `bridge`; empty when it does not."""
+    msbot: str = ""
+    """The version of MsBOT there."""
     says: PartDeclaration | None = None
     """What it says of itself, while the library does not know its part number."""
     refusal: str = ""

@@ -331,6 +331,8 @@ def _state(page: Page, slot: str) -> None:
                 rows += [(page.translate("address"), part.address), (page.translate("session"), part.client_key)]
             versions = ((page.translate("hardware"), part.hardware), (page.translate("software"), part.software))
             rows += [(name, version) for name, version in versions if version]
+            if part.home:
+                rows.append((page.translate("runs on"), f"{page.translate(part.home)}, MsBOT {part.msbot}"))
             rows += [] if is_past else [(page.translate("beats"), f"{part.beats}")]
             rows += [
                 (

@@ -13,9 +13,17 @@ from typing import TYPE_CHECKING, Protocol
 import click
 
 from msbot.cli import completers
-from msbot.cli.change.robot_access import database_to_read, one_robot, perform, running_master, say, until_stored
+from msbot.cli.change.robot_access import (
+    database_to_read,
+    masters_of,
+    one_robot,
+    perform,
+    running_master,
+    say,
+    until_stored,
+)
 from msbot.cli.database_place import database_here, existing_database, is_there
-from msbot.cli.robot_options import db_option, robot_and_json_options, robot_options
+from msbot.cli.robot_options import db_option, robot_and_json_options, robot_options, user_name
 from msbot.pnp import PartState
 from msbot.registry import JournalEntry, PartRecord, RobotRecord
 from msbot.registry.read_only_database import look_into
@@ -132,7 +140,7 @@ def parts_command(
     want_all: bool,
     as_json: bool,
 ) -> None:
-    """List the parts of a robot: slot, state, since when.
+    """List the parts of a robot: slot, state, since when, and while it runs, where each runs and its version.
 
     Parts that are gone and belong to no slot are listed with --all, or when --slot, --state or --number asks for them.
     States come from the journal of transitions, which the master writes; heartbeats are never stored.
@@ -143,6 +151,7 @@ def parts_command(
         return
     path = database_to_read(db, robot)
     until_stored(path)
+    told = _versions(path)
     with open_robot_database(path) as look:
         robots = look.robots()
         several = robot is None and len(robots) > 1
@@ -156,12 +165,12 @@ def parts_command(
     is_whole = want_all or bool(slots or states or numbers)
     rows = [row for row in wanted if is_whole or row.slot or not PartState(row.state).is_over]
     if as_json:
-        click.echo(json.dumps([_parts_as_json(row) for row in rows]))
+        click.echo(json.dumps([_parts_as_json(row) | _versions_of(row, told) for row in rows]))
         return
     if not rows:
         click.echo("No part has been seen yet." if not seen else "No such part has been seen." if is_whole else "")
     else:
-        _print_parts(rows, several=several)
+        _print_parts(rows, told, several=several)
     if left_out := len(wanted) - len(rows):
         is_gone = amount(left_out, "part is gone and belongs", "parts are gone and belong")
         click.echo(f"{is_gone} to no slot: `msbot parts --all` lists them too.")
@@ -193,10 +202,40 @@ def _check_slots(wanted: tuple[str, ...], known: list[str]) -> None:
             raise ConfigError(f"there is no slot {slot!r}; {instead_of(slot, known)}")
 
 
-def _print_parts(rows: list[PartRecord], *, several: bool) -> None:
+_SAID = ("home", "msbot", "hardware", "software")
+_Versions = dict[tuple[str, str], dict[str, str]]
+"""By robot and slot: what the part there says of itself."""
+
+
+def _versions(database: str) -> _Versions:
+    """What the parts say that are there, from the masters that use the database."""
+    told: _Versions = {}
+    for master in masters_of(database):
+        try:
+            slots = master.ask({"do": "versions", "args": {}, "who": user_name()}).get("slots")
+        except ConfigError:  # it has just ended, or does not answer: `until_stored` has said so
+            continue
+        if isinstance(slots, dict):  # an older master does not know the question
+            told |= {(master.details.get("robot", ""), slot): said for slot, said in slots.items()}
+    return told
+
+
+def _versions_of(row: PartRecord, told: _Versions) -> dict[str, str]:
+    here = told.get((row.robot, row.slot or ""), {}) if PartState(row.state).is_registered else {}
+    return {name: here.get(name, "") for name in _SAID}
+
+
+def _version_words(said: dict[str, str]) -> str:
+    """The version of the part's own program; where it says none, that of MsBOT."""
+    return said["software"] or (f"MsBOT {said['msbot']}" if said["msbot"] else "-")
+
+
+def _print_parts(rows: list[PartRecord], told: _Versions, *, several: bool) -> None:
     now = datetime.now()
     count = Counter((row.robot, row.name) for row in rows)
-    titles = (*["robot"] * several, "part", "number", "slot", "state", "since", "reason")
+    said = [_versions_of(row, told) for row in rows]
+    knows = any(any(one.values()) for one in said)
+    titles = (*["robot"] * several, "part", "number", "slot", "state", "since", *["home", "version"] * knows, "reason")
     print_table(
         titles,
         [
@@ -209,9 +248,10 @@ def _print_parts(rows: list[PartRecord], *, several: bool) -> None:
                     row.state,
                 ),
                 _when(datetime.fromtimestamp(row.changed_ns / 1e9), now),
+                *[one["home"] or "-", _version_words(one)] * knows,
                 row.reason,
             )
-            for row in rows
+            for row, one in zip(rows, said, strict=True)
         ],
     )
 

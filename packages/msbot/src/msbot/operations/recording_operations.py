@@ -142,6 +142,15 @@ class PartQueries:
         health = storage.health
         return Outcome(answer={"trouble": health.trouble or "", "waiting": health.waiting})
 
+    def versions(self) -> Outcome:
+        """Where the parts in the slots run, and the versions that they say; no UID, for everybody may ask."""
+        slots = {
+            info.slot: {"home": info.home, "msbot": info.msbot, "hardware": info.hardware, "software": info.software}
+            for info in self._running.inventory.view(self._running.now())
+            if info.slot is not None and info.state.is_registered
+        }
+        return Outcome(answer={"slots": slots})
+
     def why(self, part: str) -> Outcome:
         """The state of a part and the rules that led to it, in sentences; none when no part is known by that word."""
         is_known = self._running.inventory.find(part, self._running.now())

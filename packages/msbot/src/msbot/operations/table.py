@@ -435,6 +435,7 @@ _ROWS = (
     ),
     Operation("classroom", "Groups, pupils, whose programs are held and why, whose hand is up.", (), Right.ARRANGE),
     Operation("stored", "Wait until what the robot has said is in its database, as far as that is possible."),
+    Operation("versions", "Where the parts in the slots run, and the versions that they say."),
     Operation("why", "The state of a part, and which rules led there.", (_part("The part."),)),
 )  # fmt: skip
 

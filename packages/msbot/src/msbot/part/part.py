@@ -93,6 +93,8 @@ class Part:
         self.hardware = self.software = ""
         """Versions of the hardware and of its program, as its maker counts them; the part tells its robot, and the page
         shows them. Empty: not known."""
+        self.home = own_home()
+        """What runs the part; it tells its robot, with the version of MsBOT."""
         self.describes = describes is not False
         """Whether it tells a robot that does not know its part number what it is."""
         self._called = describes if isinstance(describes, str) else self.local_name
@@ -499,6 +501,7 @@ class Part:
             self.nature,
             self.hardware,
             self.software,
+            self.home,
             description,
             absent,
         )

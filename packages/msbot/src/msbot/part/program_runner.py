@@ -19,6 +19,7 @@ from msbot.part.beginner_hints import SILENCE_S, silence_words
 from msbot.part.client.client import Client
 from msbot.part.client.client_settings import ClientSettings
 from msbot.part.handler_guard import Guard, check_handler
+from msbot.part.join.home import Home, home_text
 from msbot.part.join.joining import PATIENT, QUICK, Changed, ExpectedRobot, Joining, JoinState
 from msbot.part.join.membership import Membership
 from msbot.part.join.part_keys import prove, prove_sealed
@@ -65,6 +66,8 @@ class Identity:
     hardware: str = ""
     software: str = ""
     """Versions; empty: it says none."""
+    home: Home = Home.PC
+    """What runs it."""
     description: str = ""
     """What it says of itself to a robot that does not know its part number; empty: nothing."""
     absent: str = ""
@@ -296,6 +299,7 @@ class ProgramRunner:
             nature=identity.nature,
             hardware=identity.hardware,
             software=identity.software,
+            home=home_text(identity.home),
             description=identity.description,
             absent=identity.absent,
         )

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections import deque
 from math import inf
+from typing import Final
 
 from msbot.part.join.hardware_trouble import TROUBLE_ENDS, TROUBLE_OCTETS, TROUBLE_PIECES
+from msbot.part.join.home import Home, ToldHome, read_home
 from msbot.part.join.part_log import LEVEL_BITS, LEVEL_SHIFT, LineRate, LogLevel, VersionOf
 from msbot.part.join.pnp_messages import Nature
 from msbot.part.join.refusal import Refusal
@@ -18,6 +20,16 @@ HISTORY = 32
 """Changes kept per part for `Inventory.why`; the journal keeps all."""
 
 _MAX_DUPLICATES = 8
+
+_RUNS: Final = {
+    Home.PC: "It runs on a computer, with MsBOT {version}.",
+    Home.MICROPYTHON: "It runs under MicroPython, with MsBOT {version}.",
+    Home.C: "It is a program in C, with MsBOT {version}.",
+    Home.BROWSER: "It runs in a browser, with MsBOT {version}.",
+    Home.BRIDGE: "A bridge speaks for it, with MsBOT {version}.",
+}
+FORMS: Final = tuple(_RUNS.values())
+"""Forms of sentences, for whoever looks for their translations."""
 
 LOG_LINES = 20
 """Lines kept of what a part's program logs."""
@@ -53,6 +65,7 @@ class InventoryRecord:
         "duplicates",
         "hardware",
         "heard_at",
+        "home",
         "history",
         "holds_slot",
         "identity",
@@ -107,6 +120,8 @@ class InventoryRecord:
         self.hardware = self.software = self.trouble = ""
         """Versions, as the part itself says, or said in its session before; and what is wrong with its hardware, as
         it said before it ended."""
+        self.home = ToldHome()
+        """Where it runs, as it says likewise."""
         self.trouble_pieces = b""
         self.log: deque[ProgramLogLine] = deque(maxlen=LOG_LINES)
         """What its program logged last."""
@@ -190,6 +205,8 @@ class InventoryRecord:
         if self.slot is None:
             self.slot = old.slot
         self.hardware, self.software = self.hardware or old.hardware, self.software or old.software
+        if self.home == ToldHome():
+            self.home = old.home
 
     def take_nature(self, number: int) -> None:
         """The part says what is behind its ports (`Nature`)."""
@@ -202,7 +219,9 @@ class InventoryRecord:
     def take_version(self, of: VersionOf, text: str) -> str:
         """The part says a version; the one that it said before is returned."""
         text, before = text.strip(), self.hardware if of is VersionOf.HARDWARE else self.software
-        if of is VersionOf.HARDWARE:
+        if of is VersionOf.HOME:
+            before, self.home = self.home.version, read_home(text)
+        elif of is VersionOf.HARDWARE:
             self.hardware = text
         else:
             self.software = text
@@ -279,12 +298,16 @@ class InventoryRecord:
             nature=self.nature,
             hardware=self.hardware,
             software=self.software,
+            home=self.home.label,
+            msbot=self.home.version,
             says=self.says if self.refusal is Refusal.UNKNOWN_PART and not self.is_registered else None,
         )
 
     def sentences(self, now: float) -> list[str]:
         """The part's state and the chain of changes that led to it, oldest first."""
         lines: list[str] = [said("{words}: {reason}", words=self._headline(now), reason=self.reason)]
+        if self.home.home is not None:
+            lines.append(said(_RUNS[self.home.home], version=self.home.version or said("not known")))
         if self.duplicates:
             addresses = ", ".join(self.duplicates)
             lines.append(said("The same UID was shown, and refused, at {addresses}.", addresses=addresses))

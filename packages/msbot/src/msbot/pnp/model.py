@@ -253,6 +253,10 @@ class PartInfo:
     hardware: str = ""
     software: str = ""
     """Versions, as the part itself says; empty: it does not."""
+    home: str = ""
+    """Where it runs, as it says: `PC`, `MicroPython`, `C`, `browser` or `bridge`; empty: it does not."""
+    msbot: str = ""
+    """The version of MsBOT there."""
     says: SelfDescription | None = None
     """What it says of itself, while the library does not know its part number."""
 

@@ -10,6 +10,7 @@ from typing import Final
 
 from msbot.part.join import pnp_messages
 from msbot.part.join.hardware_trouble import TroublePiece
+from msbot.part.join.part_log import LEVEL_BITS, LEVEL_SHIFT, LogLevel
 from msbot.pnp.model import Claim
 from msbot_agent.text.sentence import Sentence, said
 from msbot_xrce.messages import (
@@ -96,6 +97,9 @@ def inventory_sentence(message: object, part: str) -> Sentence | None:
             return said("the master has heard that {part} is alive", part=part)
         case pnp_messages.Notice():
             form = _NOTICES.get(message.kind)
+        case TroublePiece(place=place) if level := (place & LEVEL_BITS) >> LEVEL_SHIFT:
+            is_line = level in (one.value for one in LogLevel)
+            return said("{part} says a line of its log" if is_line else "{part} says its version", part=part)
         case pnp_messages.ProfileMessage():
             return said("{part} hears which robot this is: {robot}", part=part, robot=message.message)
         case _:

@@ -67,7 +67,7 @@ class PartLog:
     def _take_version(self, record: InventoryRecord, of: VersionOf, text: str, now: float) -> bool:
         """The journal has it when it is another one than before: somebody has given the part new software."""
         before = record.take_version(of, text)
-        after = record.hardware if of is VersionOf.HARDWARE else record.software
+        after = {VersionOf.HARDWARE: record.hardware, VersionOf.SOFTWARE: record.software}.get(of, record.home.version)
         if not before or before == after:
             return False
         if record.log_rate is None:
@@ -76,7 +76,9 @@ class PartLog:
             self._dropped.count("version of a part that changes too fast")
             return False
         after = after or said("not known")
-        if of is VersionOf.HARDWARE:
+        if of is VersionOf.HOME:
+            words = said("it runs with MsBOT {after}; before, it was {before}", after=after, before=before)
+        elif of is VersionOf.HARDWARE:
             words = said("its hardware is {after}; it was {before}", after=after, before=before)
         else:
             words = said("its software is {after}; it was {before}", after=after, before=before)

@@ -166,15 +166,19 @@ class MasterConnection:
         return answer
 
 
+def masters_of(db: str) -> list[RunningProcess]:
+    """The masters on this computer that use a database."""
+    database = database_identity(db)
+    return [one for one in running_processes() if one.what == MASTER and one.details.get("database") == database]
+
+
 def until_stored(db: str) -> None:
     """Before a database is read, have the masters that use it store what is waiting.
 
     A warning on standard error says what cannot be stored: what is then read is older than the robot's state.
     """
     logging.basicConfig(level=logging.WARNING, handlers=[TerminalHandler("%(message)s")])
-    for master in running_processes():
-        if master.what != MASTER or master.details.get("database") != database_identity(db):
-            continue
+    for master in masters_of(db):
         try:
             trouble = master.ask({"do": "stored", "args": {}, "who": user_name()}).get("trouble")
         except ConfigError as error:

@@ -89,6 +89,7 @@ class Membership:
         nature: pnp_messages.Nature = pnp_messages.Nature.UNKNOWN,
         hardware: str = "",
         software: str = "",
+        home: str = "",
         description: str = "",
         absent: str = "",
     ) -> None:
@@ -112,6 +113,7 @@ class Membership:
             nature: what is behind the part's ports.
             hardware: version of the part's hardware; empty: it says none.
             software: version of its software.
+            home: where it runs, as `home_text`; empty: it does not say.
             description: what the part says of itself to a robot that asks; empty: nothing.
             absent: why the part's hardware is not there. Then it asks for its place only to say so: it asks for no
                 configuration, and never becomes active.
@@ -140,7 +142,8 @@ class Membership:
         self._on_reply = on_reply
         self._stop_in_beats = stop_in_beats
         self._nature = nature
-        self._versions = {VersionOf.SOFTWARE: software, VersionOf.HARDWARE: hardware}
+        versions = {VersionOf.SOFTWARE: software, VersionOf.HARDWARE: hardware}
+        self._versions = (versions if software or hardware else {}) | ({VersionOf.HOME: home} if home else {})
         self._description = description
         self._absent = absent
         self._unsaid: deque[bytes] = deque()
@@ -279,7 +282,7 @@ class Membership:
                     self._changed(action)
                     if action.after is JoinState.ACTIVE and self._nature is not pnp_messages.Nature.UNKNOWN:
                         self._say_nature()
-                    if action.after is JoinState.ACTIVE and any(self._versions.values()):
+                    if action.after is JoinState.ACTIVE:
                         self._say_versions()
                 case SendClaim():
                     self._send(self._claim, STREAM_RELIABLE)

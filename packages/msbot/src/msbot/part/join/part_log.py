@@ -43,6 +43,8 @@ class VersionOf(IntEnum):
 
     HARDWARE = 4
     SOFTWARE = 5
+    HOME = 6
+    """Of MsBOT, and where the part runs (`home`)."""
 
 
 def log_level(word: str) -> LogLevel:
