@@ -299,6 +299,7 @@ static void make_part(void)
     configure(&config.can);
     config.random = get(4);
     config.nature = MSBOT_NATURE_SIMULATED;
+    config.software = "1.2";
     config.part_number = get_text(&used);
     config.local_name = get_text(&used);
     for (int i = 0; i < 4; i++) {

@@ -127,6 +127,12 @@ class Robot:
         now = asyncio.get_running_loop().time()
         return next(info.nature.label for info in self.master.inventory.view(now) if info.local_name == local_name)
 
+    def versions(self, local_name: str = "board") -> tuple[str, str, str]:
+        """Where a part runs, the version of MsBOT there, and that of its program, as it has told the inventory."""
+        now = asyncio.get_running_loop().time()
+        told = next(info for info in self.master.inventory.view(now) if info.local_name == local_name)
+        return told.home, told.msbot, told.software
+
     def beats(self, local_name: str = "board") -> int:
         """Beats of a part that the inventory has heard."""
         now = asyncio.get_running_loop().time()

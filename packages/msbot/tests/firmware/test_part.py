@@ -12,6 +12,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from msbot.part.join.home import VERSION
 from tests.firmware.building import SOURCES
 from tests.firmware.c_part import CPart, Described, PartState
 from tests.firmware.msbot_side import MsbotError, Part, SlotPort, Switch, prove
@@ -47,6 +48,7 @@ def test_it_plugs_itself_in_and_beats(firmware: Firmware, tmp_path: Path, bitrat
         await asyncio.sleep(10)
         assert robot.state() == "active"
         assert robot.nature() == "simulated"
+        assert robot.versions() == ("C", VERSION, "1.2")
         assert part.story == [
             "safe",
             "RECOGNISING",

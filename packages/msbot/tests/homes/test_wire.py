@@ -6,6 +6,7 @@ import json
 import re
 from collections.abc import Callable, Iterator
 from random import Random
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -14,6 +15,8 @@ from hypothesis import strategies as st
 
 from msbot.carried.carried_files import OF_GENERIC_BOARDS
 from msbot.part.calls import LONGEST_SENTENCE, decode_reply
+from msbot.part.join.home import Home, home_text
+from msbot.part.join.part_log import LogSender, VersionOf
 from msbot.part.messages.standard import PixelFormat
 from msbot.part.messages.type_hash import described_types, type_hash
 from msbot_xrce.errors import CallError, RemoteProtocolError
@@ -54,6 +57,37 @@ def test_what_it_knows_beforehand_is_what_everybody_knows() -> None:
     assert micro.load("squeeze").DICTIONARY == DICTIONARY
     assert compact.FIXED == FIXED
     assert tuple(refusal.describe for refusal in Refusal) == micro.load("words").REFUSALS
+
+
+@pytest.mark.parametrize(("software", "hardware"), [("", ""), ("1.4", ""), ("a version with ä long name", "rev. B")])
+def test_a_board_says_of_itself_what_a_computer_says(software: str, hardware: str) -> None:
+    home = micro.load().Part("X")
+    home.software, home.hardware = software, hardware
+    assert home.home == Home.MICROPYTHON.value
+    has_room, told = [False, True, True], []
+
+    def ask(octets: bytes, _stream: int) -> bool:
+        room = not has_room or has_room.pop(0)
+        told.extend([octets] * room)
+        return room
+
+    micro.load("versions").tell(SimpleNamespace(part=home, _lease=7, _ask=ask), 1000)
+    assert told == []
+    ((due, again),) = home._pending
+    home._pending.clear()
+    again()
+    assert (due, home._pending) == (1100, [])
+    ours = LogSender()
+    for of, text in {
+        VersionOf.HOME: home_text(Home.MICROPYTHON),
+        **({VersionOf.HARDWARE: hardware, VersionOf.SOFTWARE: software} if software or hardware else {}),
+    }.items():
+        ours.add_version(of, text)
+    sent = []
+    for piece in ours.pieces(7):
+        sent.append(piece)
+        ours.sent()
+    assert told == sent
 
 
 @pytest.mark.parametrize("status", [1, 2, 3, 4, 5, 6, 7, 8, 200])

@@ -9,7 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from msbot.part.join import pnp_messages, thesis_messages
-from msbot.part.join.hardware_trouble import TroublePiece, trouble_pieces
+from msbot.part.join.hardware_trouble import TROUBLE_OCTETS, TroublePiece, trouble_pieces
+from msbot.part.join.home import VERSION, Home, home_text, read_home
 from msbot.part.join.part_log import LEVEL_SHIFT, VersionOf
 from msbot.pnp import Configuration, Keys, Refusal, SlotBinding
 from msbot.pnp.requests import RequestHandler
@@ -133,6 +134,38 @@ def test_a_part_says_its_versions_and_another_one_is_noted_once() -> None:
     say(VersionOf.SOFTWARE, "1.1")
     assert counter.rig.part(KEY).software == "1.1"
     assert "its software is 1.1; it was 1.0" in history()
+
+
+def test_a_part_says_where_it_runs_and_what_is_not_known_here_counts_for_nothing() -> None:
+    counter = Counter()
+    lease = counter.register().lease
+
+    def say(kind: int, text: str) -> None:
+        for piece in trouble_pieces(lease, text):
+            piece.place |= kind << LEVEL_SHIFT
+            assert counter.ask(piece) is None
+
+    def why() -> str:
+        return "\n".join(counter.rig.inventory.why(counter.rig.part(KEY).part, counter.rig.now))
+
+    def told() -> tuple[str, str]:
+        info = counter.rig.part(KEY)
+        return info.home, info.msbot
+
+    assert told() == ("", ""), "a part of before says nothing"
+    assert "with MsBOT" not in why()
+    say(VersionOf.HOME, home_text(Home.MICROPYTHON))
+    assert told() == ("MicroPython", VERSION)
+    assert f"It runs under MicroPython, with MsBOT {VERSION}." in why()
+    say(7, "of a kind that only a later version knows")
+    assert told() == ("MicroPython", VERSION)
+    assert (counter.rig.part(KEY).hardware, counter.rig.part(KEY).software) == ("", "")
+    say(VersionOf.HOME, "MPy 99.1.0")
+    assert f"it runs with MsBOT 99.1.0; before, it was {VERSION}" in why()
+    say(VersionOf.HOME, "Mars 99.1.0")
+    assert told() == ("", "99.1.0"), "a word that only a later version knows"
+    assert [read_home(home_text(home)).home for home in Home] == list(Home)
+    assert all(len(home_text(home)) <= TROUBLE_OCTETS for home in Home), "one piece, as long as versions have five digits"
 
 
 def test_the_configuration_travels_whole() -> None:

@@ -27,6 +27,7 @@ from msbot.part.boards.gpio import UsbGpio
 from msbot.part.client.client_settings import ClientSettings
 from msbot.part.description import describe
 from msbot.part.handler_guard import check_handler
+from msbot.part.join.home import own_home
 from msbot.part.join.joining import ANY, ExpectedRobot, JoinState
 from msbot.part.join.part_keys import check_key, parse_key
 from msbot.part.join.part_log import log_level
