@@ -305,10 +305,11 @@ class Membership:
         self._retry_at = now + (self._retry if self.state is _S.CLAIMING else _REFUSED_RETRY)
 
     def _describe(self):
-        if self.description and self.state in _CLAIMS:
+        if self.description and self.state in _CLAIMS + _BEATS:
             said = bytearray()
             put_text(said, self.description)
-            once("words").tell_described()
+            if self.state in _CLAIMS:
+                once("words").tell_described()
             self._ask(bytes(said), RELIABLE)
 
     def _fetch(self, now):

@@ -246,21 +246,93 @@ def test_who_changes_a_message_of_his_own_is_told_the_commands_that_take_it_and_
         assert part.state is JoinState.ACTIVE
         call = stage.do.call("avg_1.mean", ["1"], who="ann")
         assert (await stage.refusal(call)).endswith(": msbot why avg_1 says what to do")
-        words = (
-            "if the program is right: msbot slot remove avg_1, msbot library forget AVG-1, msbot adopt AVG-1; "
-            "then make the wires of the slot again"
-        )
+        words = "if the program is right: msbot adopt avg_1; the wires that still fit stay"
         assert stage.master.why("avg_1").count(words) == 1
-        await stage.do.remove_slot("avg_1", who="ann")
-        await stage.do.forget_type("AVG-1", who="ann")
-        await asyncio.sleep(WAIT_S)
-        await stage.do.adopt("AVG-1", who="ann")
-        await stage.do.bind("mean", "Samples -> Light", "avg_1.mean", (), who="ann")
+        done = await stage.do.adopt("avg_1", who="ann")
+        assert done.words == "AVG-1 is in the library now as its part describes it; its wires stay"
         await asyncio.sleep(WAIT_S)
         done = await stage.do.call("avg_1.mean", ["3", "4"], who="ann")
         assert done.answer["reply"] == {"lux": 3.0}
         assert not [line for line in stage.master.why("avg_1") if "if the program is right" in line]
         part.end()
+        await task
+
+    play(tmp_path, scene)
+
+
+def test_a_part_that_is_adopted_anew_keeps_the_wires_of_ports_that_are_as_before(tmp_path: Path) -> None:
+    async def scene(stage: Stage) -> None:
+        task = run(stage, first := vane()[0])
+        await asyncio.sleep(WAIT_S)
+        await stage.do.adopt("VANE-1", who="ann")
+        assert "is in slot vane_1 already" in await stage.refusal(stage.do.adopt("VANE-1", who="ann"))
+        for port in ("wind", "light"):
+            await stage.do.bind(port, "", f"vane_1.{port}", (), who="ann")
+        await stage.do.bind("brake", "Level", None, ("vane_1.brake",), who="ann")
+        first.end()
+        await task
+        other = Part("VANE-1", uid=b"vane....", random=Random(5), describes="Weather vane")
+        other.publishes("wind", Wind)
+        other.publishes("light", Speed)
+        other.publishes("gust", Wind)
+        task = run(stage, other)
+        await asyncio.sleep(WAIT_S)
+        assert other.state is JoinState.ACTIVE
+        done = await stage.do.adopt("vane_1", who="ann")
+        assert done.words == (
+            "VANE-1 is in the library now as its part describes it; its wires stay, but for vane_1.light (topic light: it "
+            "carries Speed now), vane_1.brake (topic brake: the port is gone)"
+        )
+        assert done.answer["lost"] == [
+            {"topic": "light", "port": "vane_1.light"},
+            {"topic": "brake", "port": "vane_1.brake"},
+        ]
+        assert [wire["from"] for wire in done.answer["for_people"]] == ["vane_1.light", "vane_1.gust"]
+        await asyncio.sleep(0.5)
+        assert (other.state, other.slot, other.bound("wind"), other.bound("light")) == (
+            JoinState.ACTIVE,
+            "vane_1",
+            True,
+            False,
+        )
+        part_type = load_library(tmp_path / "adopted").require("VANE-1")
+        assert [port.name for port in part_type.ports] == ["wind", "light", "gust"]
+        assert len(list((tmp_path / "adopted").iterdir())) == 1
+        assert "describes itself as before" in await stage.refusal(stage.do.adopt("vane_1", who="ann"))
+        other.end()
+        await task
+
+    play(tmp_path, scene)
+
+
+def test_a_part_in_the_robot_that_does_not_say_what_it_is_stays_as_it_was(tmp_path: Path) -> None:
+    async def scene(stage: Stage) -> None:
+        task = run(stage, first := vane()[0])
+        await asyncio.sleep(WAIT_S)
+        await stage.do.adopt("VANE-1", who="ann")
+        await stage.do.bind("wind", "", "vane_1.wind", (), who="ann")
+        first.end()
+        await task
+        mute = Part("VANE-1", uid=b"vane....", random=Random(6))
+        mute.publishes("wind", Wind)
+        task = run(stage, mute)
+        await asyncio.sleep(WAIT_S)
+        words = await stage.refusal(stage.do.adopt("vane_1", who="ann"))
+        assert words.startswith("vane_1 does not say what it is: run its program with describes=")
+        assert mute.bound("wind")
+        mute.end()
+        await task
+        with say(MINE.replace('"Light"', '"Lihgt"')):
+            task = run(stage, wrong := vane()[0])
+            await asyncio.sleep(WAIT_S)
+            words = await stage.refusal(stage.do.adopt("vane_1", who="ann"))
+        assert 'there is no message type "Lihgt"' in words
+        assert [port.name for port in load_library(tmp_path / "adopted").require("VANE-1").ports] == [
+            "wind",
+            "light",
+            "brake",
+        ]
+        wrong.end()
         await task
 
     play(tmp_path, scene)

@@ -267,13 +267,7 @@ class Master:
         part_type = None if self.library is None else self.library.find(info.part_number)
         if part_type is None or not part_type.origin or not info.slot or not self.type_differences(info.client_key):
             return ()
-        words = said(
-            "if the program is right: msbot slot remove {slot}, msbot library forget {number}, msbot adopt {number}; "
-            "then make the wires of the slot again",
-            slot=info.slot,
-            number=part_type.number,
-        )
-        return (words,)
+        return (said("if the program is right: msbot adopt {slot}; the wires that still fit stay", slot=info.slot),)
 
     def all_type_differences(self) -> list[tuple[str, Sentence]]:
         """The same of all parts, with their names."""

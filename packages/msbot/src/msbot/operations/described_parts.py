@@ -31,7 +31,8 @@ from msbot.operations.running_robot import RunningRobot, slot_of
 from msbot.pnp import PartInfo, SelfDescription
 from msbot.process.daemon_threads import DaemonThreads
 from msbot.registry.edits.part_places import forget_part_type
-from msbot_agent.text.sentence import said
+from msbot.registry.edits.wires import unbind
+from msbot_agent.text.sentence import joined, said
 from msbot_agent.toml.table import MOST_OCTETS, toml_value
 from msbot_xrce.errors import ConfigError, MsbotError
 from msbot_xrce.lazy import dataclass
@@ -119,6 +120,41 @@ def _fitting(
                 yield FittingWire(topic, port.type_name, source, target)
 
 
+@dataclass(frozen=True, slots=True)
+class ChangedPort:
+    """A port that is on a topic, and that its part does not have any more as it was."""
+
+    topic: str
+    end: SlotPort
+    words: str
+    """The port, and what has changed."""
+
+
+def ports_that_changed(blueprint: Blueprint, number: str, now: PartType) -> list[ChangedPort]:
+    """The ports of the slots of a part number that cannot stay on their topics, because the type is another one now."""
+    slots = {slot.name for slot in blueprint.slots if slot.part_number == number}
+    found = []
+    for binding in blueprint.bindings:
+        for end in binding.ends:
+            port = now.port(end.port)
+            gives = end == binding.source
+            if end.slot not in slots:
+                continue
+            if port is None:
+                words = said("{end} (topic {topic}: the port is gone)", end=str(end), topic=binding.topic)
+            elif port.type_name != binding.type_name:
+                words = said("{end} (topic {topic}: it carries {type} now)", end=str(end), topic=binding.topic, type=port.type_name)
+            elif (port.direction in _GIVING) is not gives:
+                words = said("{end} (topic {topic}: it has the other direction now)", end=str(end), topic=binding.topic)
+            else:
+                continue
+            found.append(ChangedPort(binding.topic, end, words))
+    return found
+
+
+ASK_TIMES = 3
+ASK_AGAIN_S = 1.0
+"""How often a part that is adopted anew is asked what it is, and the time between."""
 LONGEST_FAULT = 600
 """Characters of the reason why a description is refused."""
 LONGEST_NAME = 40
@@ -142,9 +178,16 @@ class DescribedPartAdoption:
         source = running.master.blueprint.source
         self._folder = None if source is None else source.parent / ADOPTED
         self._aside = DaemonThreads(1, "msbot descriptions")  # the event loop waits for no parser and no disk
+        self._asked_again: dict[int, asyncio.Future[SelfDescription]] = {}
+        """By client key: what a part says that is adopted anew."""
         running.inventory.descriptions.on_described(self._check_soon)
 
     def _check_soon(self, client_key: int, number: str, asked: SelfDescription) -> None:
+        waiting = self._asked_again.get(client_key)
+        if waiting is not None:
+            if not waiting.done():
+                waiting.set_result(asked)
+            return
         self._running.run_later(self._check(client_key, number, asked))
 
     async def _check(self, client_key: int, number: str, asked: SelfDescription) -> None:
@@ -155,8 +198,8 @@ class DescribedPartAdoption:
             result = replace(asked, fault=words if len(words) <= LONGEST_FAULT else f"{words[:LONGEST_FAULT]} ...")
         self._running.inventory.descriptions.checked(client_key, asked, result, self._running.now())
 
-    async def _read(self, text: str, number: str) -> Described:
-        library = self._running.library
+    async def _read(self, text: str, number: str, library: Library | None = None) -> Described:
+        library = library or self._running.library
         if library is None:
             raise ConfigError(said("this robot was started without its library: it cannot take part types"))
         return await asyncio.get_running_loop().run_in_executor(self._aside, read_description, text, number, library)
@@ -193,8 +236,6 @@ class DescribedPartAdoption:
                 await self._in_thread(path.unlink)
             raise
         self._let_in(info, name, who)
-        blueprint = await self._in_force()
-        offers = [wire.as_json() for wire in fitting_wires(blueprint, library, name)]
         words = said(
             "{number} ({name}) is in the library now, as the part describes it, and has slot {slot}",
             number=part_type.number,
@@ -207,13 +248,111 @@ class DescribedPartAdoption:
                 number=part_type.number,
                 slot=name,
             )
+        return Outcome(words, done.edit_id, {"slot": name, **await self._wires_to_make(name, library)})
+
+    async def _wires_to_make(self, name: str, library: Library) -> dict[str, object]:
+        """The wires that can be made for a slot, as arguments of `bind`: with other slots, for people, and by hand."""
+        blueprint = await self._in_force()
+        offers = [wire.as_json() for wire in fitting_wires(blueprint, library, name)]
         offered = {wire["from"] for wire in offers}
         alone = [wire.as_json() for wire in wires_for_people(blueprint, library, name)]
         for_people = [wire for wire in alone if wire["from"] not in offered]
         fed = {end for wire in offers for end in cast("list[str]", wire["to"])}
         by_hand = [wire for wire in wires_to_send_by_hand(blueprint, library, name) if fed.isdisjoint(wire["to"])]
-        answer = {"slot": name, "offers": offers, "for_people": for_people, "by_hand": by_hand}
-        return Outcome(words, done.edit_id, answer)
+        return {"offers": offers, "for_people": for_people, "by_hand": by_hand}
+
+    def has_described(self, info: PartInfo) -> bool:
+        """Whether the library has the type of a part from its own description."""
+        library = self._running.library
+        known = None if library is None else library.find(info.part_number)
+        return known is not None and bool(known.origin)
+
+    async def adopt_anew(self, info: PartInfo, slot: str, who: str) -> Outcome:
+        """Take what a part says of itself now, in place of what it said when it was adopted.
+
+        Wires stay at ports that are as before; the other ports are taken off their topics, and named.
+
+        Args:
+            info: the part, which is in the robot; its type was adopted.
+            slot: its slot.
+            who: the person who decides.
+
+        Raises:
+            ConfigError: it says nothing, or the same as before, or what it says is refused.
+            RegistryError: it cannot be stored.
+        """
+        library = self._running.library
+        assert library is not None
+        old = library.require(info.part_number)
+        path = self._file_of(old)
+        others = library.without_type(old.number)
+        described = await self._read(await self._say_again(info, slot, old.number), info.part_number, others)
+        if _is_same(old, described, library):
+            words = said("{part} is in slot {target} already, and describes itself as before", part=info.part, target=slot)
+            raise ConfigError(words)
+        registry, robot = self._running.database()
+        blueprint = await self._in_force()
+        lost = ports_that_changed(blueprint, old.number, described.part_type)
+        for one in lost:
+            await registry.edits.make_soon(robot, who, partial(unbind, topic=one.topic, endpoint=one.end))
+        origin = said("said by the part {uid}, adopted by {who}", uid=info.uid.hex() or "-", who=who)
+        before = None if path is None else await self._in_thread(partial(path.read_text, "utf-8"))
+        if path is not None:
+            await self._in_thread(partial(_write, path, described, origin))
+        made = replace(described.part_type, origin=origin, source=old.source)
+        wider = others.with_type(made, described.messages)
+        try:
+            done = await self._applying.put_in_force(await self._applying.present(), wider, who=who)
+        except MsbotError:
+            if path is not None and before is not None:
+                await self._in_thread(partial(path.write_text, before, "utf-8"))
+            raise
+        words = said("{number} is in the library now as its part describes it; its wires stay", number=made.number)
+        if lost:
+            words = said(
+                "{number} is in the library now as its part describes it; its wires stay, but for {lost}",
+                number=made.number,
+                lost=joined(", ", [one.words for one in lost]),
+            )
+        answer: dict[str, object] = {"slot": slot, "lost": [{"topic": one.topic, "port": str(one.end)} for one in lost]}
+        return Outcome(words, done.edit_id, answer | await self._wires_to_make(slot, wider))
+
+    def _file_of(self, part_type: PartType) -> Path | None:
+        """The library file of a type that was adopted; None: it has none."""
+        path = Path(part_type.source) if part_type.source else None
+        if path is not None and path.parent != self._folder:
+            raise ConfigError(
+                said("{number} was adopted by another robot: change its library file {file}", number=part_type.number, file=str(path))
+            )
+        return path
+
+    async def _say_again(self, info: PartInfo, slot: str, number: str) -> str:
+        """What a part that is in the robot says of itself."""
+        waiting = self._asked_again[info.client_key] = asyncio.get_running_loop().create_future()
+        service = self._running.master.inventory_service
+        try:
+            for _ in range(ASK_TIMES):  # a question may be lost
+                if not self._running.inventory.descriptions.ask_again(info.client_key):
+                    break
+                service.ask_what(info.client_key)
+                with contextlib.suppress(TimeoutError):
+                    says = await asyncio.wait_for(asyncio.shield(waiting), ASK_AGAIN_S)
+                    if says.fault:
+                        raise ConfigError(
+                            said("what {part} says of itself is refused: {fault}", part=info.part, fault=says.fault)
+                        )
+                    return says.text
+        finally:
+            del self._asked_again[info.client_key]
+        raise ConfigError(
+            said(
+                "{part} does not say what it is: run its program with describes=, under this version of MsBOT; or call "
+                "msbot slot remove {slot}, msbot library forget {number}, msbot adopt {number}",
+                part=info.part,
+                slot=slot,
+                number=number,
+            )
+        )
 
     def _let_in(self, info: PartInfo, slot: str, who: str) -> None:
         """Give the part its slot at once; one that has begun to claim again gets it by its number."""
@@ -348,9 +487,22 @@ class DescribedPartAdoption:
         path = next((path for name in names if not (path := self._folder / f"{name}.toml").exists()), None)
         if path is None:
             raise OSError(f"{MOST_ALIKE} files are called {stem}")
-        begun = path.with_suffix(".new")  # a file that is half written must not keep the next master from starting
-        begun.write_text(f"origin = {toml_value(origin)}\n{described.toml}", "utf-8")
-        return begun.replace(path)
+        return _write(path, described, origin)
+
+
+def _write(path: Path, described: Described, origin: str) -> Path:
+    """Write a library file: one that is half written must not keep the next master from starting."""
+    begun = path.with_suffix(".new")
+    begun.write_text(f"origin = {toml_value(origin)}\n{described.toml}", "utf-8")
+    return begun.replace(path)
+
+
+def _is_same(old: PartType, described: Described, library: Library) -> bool:
+    """Whether a part describes itself as it did when it was adopted."""
+    bare = replace(old, origin="", compatible_with=(), lacks=(), source=described.part_type.source)
+    told = {one.name: one.described() for one in described.messages}
+    known = {name: library.messages[name].described() for name in told if name in library.messages}
+    return bare == described.part_type and told == known
 
 
 def _write_fit(path: Path, made: PartType) -> None:

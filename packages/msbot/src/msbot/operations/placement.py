@@ -102,7 +102,8 @@ class Placement:
     async def adopt(self, part: str, slot: str | None, who: str) -> Outcome:
         """Put a standby part, or one that the library does not know, into an empty slot.
 
-        A part that says what it is gets a part type and a slot of its own, unless a slot that there is was named.
+        A part that says what it is gets a part type and a slot of its own, unless a slot that there is was named. If it
+        was adopted so and is in its slot, it is asked what it is now.
         """
         info = self._running.part(part, prefer=lambda one: not one.state.is_registered)
         self._check_movable(info)
@@ -112,7 +113,9 @@ class Placement:
                     said("what {part} says of itself is refused: {fault}", part=info.part, fault=info.says.fault)
                 )
             return await self._described.make_type(info, slot, who)
-        if slot is None and info.slot is not None and info.state.is_registered:
+        if slot in (None, info.slot) and info.slot is not None and info.state.is_registered:
+            if self._described.has_described(info):
+                return await self._described.adopt_anew(info, info.slot, who)
             raise ConfigError(said("{part} is in slot {target} already", part=info.part, target=info.slot))
         target = self._empty_slot_for(info) if slot is None else slot_of(self._running, slot)
         holder = self._running.holder(target)

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from enum import IntEnum
 from pathlib import Path
 
-from msbot.part.join.pnp_messages import LEAST_DESCRIPTION, MOST_DESCRIPTION
+from msbot.part.join.pnp_messages import DESCRIPTION_BEGINS, LEAST_DESCRIPTION, MOST_DESCRIPTION
 from msbot.part.messages.leaves import leaf_codecs, leaves_of
 from msbot.part.messages.message import Message, fields_of
 from msbot.part.part_settings import Value
@@ -42,7 +42,7 @@ def describe(number: str, name: str, program: ProgramDeclarations) -> str:
 
 
 def _lines(number: str, name: str, program: ProgramDeclarations) -> Iterator[str]:
-    yield f"number = {_value(number)}"
+    yield f"{DESCRIPTION_BEGINS}{_value(number)}"
     yield f"name = {_value(name)}"
     services = bool(program.servers or program.calls)
     if bool(program.listeners) != bool(program.publications) and not services:

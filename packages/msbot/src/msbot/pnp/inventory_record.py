@@ -83,6 +83,7 @@ class InventoryRecord:
         "refused_claims",
         "refused_samples",
         "says",
+        "says_again",
         "since",
         "slot",
         "software",
@@ -140,6 +141,8 @@ class InventoryRecord:
         """How many times it was asked what it is."""
         self.says: SelfDescription | None = None
         """What it answered."""
+        self.says_again = False
+        """It is in the robot, and is asked again, because a person adopts it anew."""
         self.spoke_unasked = False
         """It said what it is although nobody asked; noted once."""
         self.contest: DuplicateClaim | None = None

@@ -195,6 +195,10 @@ class InventoryService:
         """Have a part show itself; False: it cannot be told."""
         return self._notify(client_key, pnp_messages.NoticeKind.IDENTIFY)
 
+    def ask_what(self, client_key: int) -> bool:
+        """Ask a part what it is; False: it cannot be told anything."""
+        return self._notify(client_key, pnp_messages.NoticeKind.DESCRIBE)
+
     def use_elsewhere(self, parts: RemoteParts) -> None:
         """Parts may be at agents elsewhere."""
         self._elsewhere = parts

@@ -13,6 +13,7 @@ from msbot.part.join import pnp_messages, thesis_messages
 from msbot.part.join.hardware_trouble import TroublePiece
 from msbot.part.join.seal import SEAL_OCTETS
 from msbot.pnp.inventory import Inventory
+from msbot.pnp.inventory_record import InventoryRecord
 from msbot.pnp.key_proof import Keys
 from msbot.pnp.model import Claim, Configuration, SlotBinding, Verdict
 from msbot.pnp.part_events import PartState
@@ -90,7 +91,7 @@ class RequestHandler:
                     self.dropped.count("hash of a type with an unknown lease")
                     return None
                 return self._inventory.types.receive_hash(record, place, octets, now)
-            case pnp_messages.DescriptionMessage(text=text) if self._inventory.waits_for_fields(client_key):
+            case pnp_messages.DescriptionMessage() if self._fields_of(request, client_key):
                 return None  # the answers are several notices: `fields_told`
             case pnp_messages.DescriptionMessage(text=text):
                 self._inventory.descriptions.receive_description(client_key, text, now)
@@ -113,8 +114,13 @@ class RequestHandler:
         """What to answer to the fields of a part's messages, if the request has them."""
         if not isinstance(request, pnp_messages.DescriptionMessage):
             return []
-        record = self._inventory.waits_for_fields(client_key)
+        record = self._fields_of(request, client_key)
         return [] if record is None else self._inventory.types.fields_told(record, request.text, now)
+
+    def _fields_of(self, request: pnp_messages.DescriptionMessage, client_key: int) -> InventoryRecord | None:
+        """The part that tells the fields of its messages by that; None: it says what it is."""
+        is_fields = not request.text.startswith(pnp_messages.DESCRIPTION_BEGINS)
+        return self._inventory.waits_for_fields(client_key) if is_fields else None
 
     def asks_what(self, request: pnp_messages.Request, client_key: int) -> bool:
         """Whether to ask the part behind a request what it is: only where strangers get an answer, or after a proof."""

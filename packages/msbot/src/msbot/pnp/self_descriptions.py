@@ -1,7 +1,7 @@
 """Parts that say what they are: who is asked, and whose answer is taken (docs/decisions/0007). Pure.
 
-Only a part that was turned away because the library does not know its number is asked; in a robot with keys this is
-after its proof. Its answer changes nothing: it is kept with the part until somebody else has checked it, and a person
+A part that was turned away because the library does not know its number is asked, in a robot with keys after its proof;
+and one that is in the robot, when a person adopts it anew. Its answer changes nothing: it is kept with the part until somebody else has checked it, and a person
 has adopted it.
 """
 
@@ -55,11 +55,21 @@ class SelfDescriptions:
         record.asked_what += 1
         return True
 
+    def ask_again(self, client_key: int) -> bool:
+        """Take what a part that is in the robot says next, because a person adopts it anew; False: it is not there."""
+        record = self._record(client_key)
+        if record is None or not record.is_registered:
+            return False
+        record.says_again = True
+        return True
+
     def receive_description(self, client_key: int, text: str, now: float) -> None:
         """A part says what it is: taken once, and only if it was asked."""
         record = self._record(client_key)
         if record is None or record.claim is None or record.state is None:
             self._dropped.count("description of a client that has not claimed")
+        elif record.says_again:
+            self._said_again(client_key, record, SelfDescription(text))
         elif record.says is None and record.refusal is Refusal.UNKNOWN_PART and record.asked_what:
             record.says = SelfDescription(text)
             for checker in self._checkers:
@@ -82,13 +92,15 @@ class SelfDescriptions:
             now: the present time.
         """
         record = self._record(client_key)
-        if record is None or record.says is not None or not record.asked_what:
-            return
-        if record.refusal is not Refusal.UNKNOWN_PART:
+        is_asked = record is not None and record.says is None and record.refusal is Refusal.UNKNOWN_PART
+        if record is None or not (record.says_again or (is_asked and record.asked_what)):
             return
         words = said("its bytes cannot be read: {fault}", fault=fault)
         if size > MOST_DESCRIPTION:
             words = said("it is longer than {most} bytes", most=MOST_DESCRIPTION)
+        if record.says_again:
+            self._said_again(client_key, record, SelfDescription("", fault=words))
+            return
         record.says = SelfDescription("", fault=words)
         self._changes.note(record, now, said("what it says of itself is refused: {fault}", fault=words))
         self._changes.publish()
@@ -103,6 +115,14 @@ class SelfDescriptions:
         if result.described is not None:
             words = said("it describes itself: {name}; a person can adopt it", name=result.described.part_type.name)
         self._changes.note(record, now, words)
+        self._changes.publish()
+
+    def _said_again(self, client_key: int, record: InventoryRecord, says: SelfDescription) -> None:
+        """Whoever has asked judges it: nothing is kept with the part, which has its type."""
+        record.says_again = False
+        number = "" if record.claim is None else record.claim.part_number
+        for checker in self._checkers:
+            self._changes.after_events(partial(checker, client_key, number, says))
         self._changes.publish()
 
     def _record(self, client_key: int) -> InventoryRecord | None:

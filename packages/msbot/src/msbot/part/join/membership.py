@@ -325,9 +325,11 @@ class Membership:
         self._say_on()
 
     def _describe(self) -> None:
-        """The robot asks what the part is; it has not been let in, and may be asked again."""
-        if self._description and self.joining.state in (JoinState.CLAIMING, JoinState.REFUSED):
-            _log.info("%s", IS_TOLD)
+        """The robot asks what the part is: it has not been let in, or a person adopts it anew; it may be asked again."""
+        is_outside = self.joining.state in (JoinState.CLAIMING, JoinState.REFUSED)
+        if self._description and (is_outside or self.joining.lease):
+            if is_outside:
+                _log.info("%s", IS_TOLD)
             self._send(pnp_messages.DescriptionMessage(text=self._description).encode(), STREAM_RELIABLE)
 
     def say_type(self, binding: int, octets: bytes) -> None:

@@ -80,6 +80,9 @@ LEAST_DESCRIPTION = 540
 OF_REPLY = 0x80
 """Bit of `TypeMessage.binding` and of the `binding` of a notice `TYPE_DIFFERS`: it is a service's reply."""
 
+DESCRIPTION_BEGINS = "number = "
+"""With this begins a part's own description, and no text with the fields of its messages."""
+
 MOST_BINDINGS = 120
 """Ports of one part that a configuration can bind: each takes two of the 256 objects that an agent grants a client."""
 
@@ -300,7 +303,7 @@ class NoticeKind(IntEnum):
     GO = 5
     """STOP is over."""
     DESCRIBE = 6
-    """Say what you are: the library does not know your part number."""
+    """Say what you are: the library does not know your part number, or a person adopts you anew."""
     TYPE_DIFFERS = 7
     """The library's type of the port has other fields than the part's program. `detail` 0: say which ones it has."""
 
