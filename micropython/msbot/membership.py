@@ -231,6 +231,8 @@ class Membership:
 
     def _configured(self, version, slot, bindings, settings, now):
         if self.state not in _BEATS:
+            if self.state in _CLAIMS:
+                once("words").tell_help(settings)
             return
         self._heard_at = now
         news = self.state is _S.CONFIGURING or version != self.version

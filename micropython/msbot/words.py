@@ -50,6 +50,13 @@ def tell_described():
     say("info", words)
 
 
+def tell_help(settings):
+    """Say what the robot says to a part that it does not let in."""
+    for name, text in settings:
+        if name == ".why":
+            say("info", "the robot says: " + text)
+
+
 def no_size(kind):
     """The error of a type of Python that has no form on the wire."""
     more = "int32 (or int8, int16, int64, uint8 to uint64)" if kind is int else "float32 (or float64)"

@@ -318,7 +318,7 @@ def test_a_part_in_the_robot_that_does_not_say_what_it_is_stays_as_it_was(tmp_pa
         task = run(stage, mute)
         await asyncio.sleep(WAIT_S)
         words = await stage.refusal(stage.do.adopt("vane_1", who="ann"))
-        assert words.startswith("vane_1 does not say what it is: run its program with describes=")
+        assert words.startswith("VANE-1 does not say what it is: run its program with describes=")
         assert mute.bound("wind")
         mute.end()
         await task

@@ -39,6 +39,7 @@ PART_SAYS = (
     '{reason}; with Part(..., describes="what it is") somebody can adopt it',
     "the robot does not know this part number, and is told what the part is: it waits until somebody adopts it, on the "
     "page Arrivals or with `msbot adopt`",
+    "the robot says: {words}",
     "port {port} carries {type}, not {other}",
     "the part is {state}, not active ({reason}): publish after on_join",
     "the part is {state}, not active ({reason}): call after on_join",

@@ -37,6 +37,7 @@ from msbot.pnp.model import (
 from msbot.pnp.part_events import PartEvent, PartState
 from msbot.pnp.part_log import PartLog
 from msbot.pnp.pupil_parts import PupilParts
+from msbot.pnp.refusal_help import refusal_help
 from msbot.pnp.self_descriptions import SelfDescriptions
 from msbot.pnp.session_seals import SessionSeals
 from msbot.pnp.slot_assignment import PLACEABLE, SlotReassignment, TakeOver
@@ -44,7 +45,7 @@ from msbot.pnp.slot_matching import Match, Matcher
 from msbot.pnp.state_changes import HandControl, StateChanges
 from msbot.pnp.type_agreement import TypeAgreement
 from msbot.service_types import request_topic
-from msbot_agent.text.sentence import said
+from msbot_agent.text.sentence import Sentence, said
 from msbot_xrce.counting import Tally
 from msbot_xrce.errors import LocalProtocolError
 
@@ -437,6 +438,11 @@ class Inventory:
                 if why is not None:
                     self._assignment.block(record, why, now)
         self._publish(now)
+
+    def refusal_help(self, client_key: int) -> Sentence | None:
+        """What helps the part behind a session, which is not let in; None: nothing that is known here."""
+        record = self._index.record_of(client_key)
+        return None if record is None else refusal_help(record, self._matcher, self._index.holders)
 
     @property
     def slots(self) -> Matcher:

@@ -21,6 +21,7 @@ from msbot.pnp.key_proof import Keys
 from msbot.pnp.master_service import STATUS_TIMEOUT_S
 from msbot.pnp.model import Configuration, Verdict
 from msbot.pnp.part_events import PartEvent, PartState
+from msbot.pnp.refusal_help import help_message
 from msbot.pnp.requests import RequestHandler, verdict_message
 from msbot_agent.agent import client_key_of
 from msbot_agent.text.sentence import said
@@ -114,6 +115,8 @@ class InventoryService:
         self._elsewhere: RemoteParts | None = None
         self._askers: dict[int, bytes] = {}
         """Client key -> GUID of its requests in the compact layout."""
+        self._helped: dict[int, str] = {}
+        """Client key -> what a part that is not let in was told last."""
         self._leases: dict[int, int] = {}
         """Client key -> the lease that it was last told."""
         self._go_again: dict[int, int] = {}
@@ -254,12 +257,22 @@ class InventoryService:
         octets = self.requests.encode(reply, client_key)
         if octets is not None:
             self._say(client_key, identity, octets)
+        if isinstance(reply, pnp_messages.VerdictMessage) and not reply.lease:
+            self._help(client_key)
         if isinstance(reply, pnp_messages.BeatReply) and reply.configuration_version:
             self._speak_of_stop(request, client_key, now)
         elif isinstance(reply, pnp_messages.ConfigurationMessage) and self.stop.holds:
             self._notify(
                 client_key, pnp_messages.NoticeKind.STOP, self.stop.stop_number
             )  # for parts that do not read the setting
+
+    def _help(self, client_key: int) -> None:
+        """Tell a part that is not let in what helps, when that is news."""
+        words = self._inventory.refusal_help(client_key)
+        if words is None or self._helped.get(client_key) == words or self._inventory.seals.of(client_key) is not None:
+            return  # what is sealed can be read only once there is a lease
+        self._helped[client_key] = words
+        self._tell(client_key, help_message(words))
 
     def _speak_of_stop(self, beat: pnp_messages.Request, client_key: int, now: float) -> None:
         """Take a beat that says or confirms STOP, or repeat STOP or GO: a single notice may be lost."""
@@ -300,6 +313,7 @@ class InventoryService:
                 self._forget(next(iter(self._askers)))
             self._askers[client_key] = asker
             self._leases.pop(client_key, None)
+            self._helped.pop(client_key, None)
         if isinstance(answer, pnp_messages.VerdictMessage):
             before = self._leases.get(client_key)
             self._leases[client_key] = answer.lease
@@ -310,6 +324,7 @@ class InventoryService:
     def _forget(self, client_key: int) -> None:
         self._askers.pop(client_key, None)
         self._leases.pop(client_key, None)
+        self._helped.pop(client_key, None)
         self._go_again.pop(client_key, None)
 
     def _rights_changed(self, client_key: int) -> None:

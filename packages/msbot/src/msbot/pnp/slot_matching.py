@@ -98,6 +98,15 @@ class Matcher:
         tiers = [] if part_type is None else self._tiers(part_type)
         return [name for tier in tiers for name in self._free.get(tier, {})]
 
+    def slots_for(self, number: str) -> list[str]:
+        """The slots that fit parts of this number, free or held.
+
+        Raises:
+            RegistryError: the library cannot be read.
+        """
+        part_type = self._store.part_type(number)
+        return [] if part_type is None else [name for one in self._tiers(part_type) for name in self._by_number[one]]
+
     def number_of(self, slot: str) -> str:
         """The part number that a slot expects; empty when there is no such slot."""
         found = self._by_name.get(slot)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from msbot.part.client.client import ENDLESS, ClientMaker, ServiceNames
 from msbot.part.client.client_settings import ConnectionState, WorkScheduler
@@ -34,6 +34,7 @@ from msbot.part.join.part_keys import KEY_VARIABLE
 from msbot.part.join.part_log import LogLevel, LogSender, VersionOf
 from msbot.part.join.part_seals import PartSeals
 from msbot.part.join.refusal import IS_TOLD, Refusal
+from msbot_agent.text.sentence import printable
 from msbot_xrce.errors import LinkFull, LocalProtocolError, RemoteProtocolError
 from msbot_xrce.messages import STREAM_BEST_EFFORT, STREAM_RELIABLE, DeliveryControl
 
@@ -146,6 +147,8 @@ class Membership:
         self._versions = (versions if software or hardware else {}) | ({VersionOf.HOME: home} if home else {})
         self._description = description
         self._absent = absent
+        self._help = ""
+        """What the robot has said last to the part that it does not let in."""
         self._unsaid: deque[bytes] = deque()
         self._has_trouble = False
         self.log = LogSender()
@@ -262,10 +265,20 @@ class Membership:
         self._drain()
 
     def _configuration_received(self, configuration: pnp_messages.ConfigurationMessage, now: float) -> None:
+        if self.joining.state in (JoinState.CLAIMING, JoinState.REFUSED):
+            self._help_received(configuration.settings)
+            return
         if self.joining.configuration_received(configuration.version, configuration.slot, now):
             self._configure(configuration)
         if self.joining.state is JoinState.ACTIVE:
             self._read_replies(STREAM_BEST_EFFORT)
+
+    def _help_received(self, settings: Sequence[pnp_messages.Setting]) -> None:
+        """The robot says why it does not let the part in, and what helps."""
+        told = next((one.value for one in settings if one.name == pnp_messages.HELP_SETTING), "")
+        if told and told != self._help:
+            self._help = told
+            _log.info("the robot says: %s", printable(told))
 
     def _work(self, now: float) -> None:
         self.joining.handle_timer(now)

@@ -65,6 +65,10 @@ STOP_SETTING = ".stop"
 """Name of the setting that tells a part joining during STOP; its value is the number of that STOP. The part is thus
 stopped before it is active, and no notice can be lost on the way. Names of parameters have no dot."""
 
+HELP_SETTING = ".why"
+"""Name of the one setting of a configuration without version and slot: why a part is not let in, and what helps. Parts
+that do not know it take no configuration before they are let in."""
+
 SAFE_MARK = ".safe."
 """In the name of a setting: `PORT.safe.FIELD` is a field of the port's safe value. Names of parameters have no dot."""
 
