@@ -1,6 +1,7 @@
 """Sentences about calls and services, imported only when needed."""
 
 from .errors import say
+from .message import type_name_of
 
 _STATUS = (
     "",
@@ -70,12 +71,13 @@ def no_call(part, port, bound, fault, most):
     return "call of {}: {} calls wait for replies already: call more slowly".format(port, most)
 
 
-def tell_uncalled(part, port):
+def tell_uncalled(part, port, declared):
     """Say once what is missing at a port that serves and has no wire."""
     if (port, "wire") not in part._reported:
         part._reported.add((port, "wire"))
-        words = "port {0!r}: nobody can call it before `msbot bind {0} --from {1}.{0}`; {2}"
-        say("info", words.format(port, part.slot, part._bound_words()))
+        words = "port {0!r}: nobody can call it before `msbot bind {0} --type '{3} -> {4}' --from {1}.{0}`; {2}"
+        types = [type_name_of(one) for one in declared[:2]]
+        say("info", words.format(port, part.slot, part._bound_words(), *types))
 
 
 def fault(binding, direction, name):

@@ -87,7 +87,7 @@ class Services:
                 declared = of[port]
                 fault = self._fault(port, direction, declared)
                 if not fault and direction == 2 and port not in part._ports and not declared[3]:
-                    once("service_words").tell_uncalled(part, port)
+                    once("service_words").tell_uncalled(part, port, declared)
                 elif fault:
                     part.report("port {!r}".format(port), fault)
         for port in self._calls:

@@ -84,11 +84,13 @@ def test_what_helps_a_part_is_told_in_the_same_words() -> None:
     assert words.told_state("refused", spare, False) == ("standby", "")
     words.tell_described()
     assert told == [("info", IS_TOLD)]
-    port = micro.load().Part("X")
+    home = micro.load()
+    port = home.Part("X")
     port.slot = "x_1"
     for _ in range(2):
-        micro.load("service_words").tell_uncalled(port, "mean")
-    missing = "nobody can call it before `msbot bind mean --from x_1.mean`; this robot binds no port of the part"
+        micro.load("service_words").tell_uncalled(port, "mean", (home.Number, home.Text, None, False))
+    command = "msbot bind mean --type 'Number -> Text' --from x_1.mean"
+    missing = f"nobody can call it before `{command}`; this robot binds no port of the part"
     assert told[1:] == [("info", f"port 'mean': {missing}")]
 
 

@@ -235,7 +235,8 @@ def test_who_changes_a_message_of_his_own_is_told_the_commands_that_take_it_and_
         await asyncio.sleep(WAIT_S)
         await stage.do.adopt("AVG-1", who="ann")
         await asyncio.sleep(WAIT_S)
-        missing = "nobody can call it before `msbot bind mean --from avg_1.mean`; this robot binds no port of the part"
+        command = "msbot bind mean --type 'Samples -> Light' --from avg_1.mean"
+        missing = f"nobody can call it before `{command}`; this robot binds no port of the part"
         assert stage.operations.showing.why("avg_1").answer["troubles"] == [f"its program says: port 'mean': {missing}"]
         await stage.do.bind("mean", "Samples -> Light", "avg_1.mean", (), who="ann")
         assert stage.operations.showing.why("avg_1").answer["troubles"] == []

@@ -135,11 +135,12 @@ class Ports:
             return f"carries {binding.topic_type}, but its function expects {type_name}"
         return ""
 
-    def uncalled(self, port: str, slot: str) -> str:
+    def uncalled(self, port: str, slot: str, type_name: str) -> str:
         """What is missing at a port that serves and has no wire in the part's slot, in words; "" = it has one."""
         if port in self._bound:
             return ""
-        return f"nobody can call it before `msbot bind {port} --from {slot}.{port}`; {self.describe}"
+        command = f"msbot bind {port} --type '{type_name}' --from {slot}.{port}"
+        return f"nobody can call it before `{command}`; {self.describe}"
 
     def service_fault(self, port: str, type_name: str, direction: BindingDirection) -> str:
         """Why a port that serves or calls will do neither, in words; "" = all is well, or it has no wire."""

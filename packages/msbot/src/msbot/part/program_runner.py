@@ -471,7 +471,7 @@ class ProgramRunner:
             name = server.exchange.type_name
             self._report_fault(port, self._ports.service_fault(port, name, BindingDirection.SERVE))
             if not server.optional:
-                self._report_fault(port, self._ports.uncalled(port, self.slot), LogLevel.WARNING)
+                self._report_fault(port, self._ports.uncalled(port, self.slot, name), LogLevel.WARNING)
         for port, exchange in self.program.calls.items():
             self._report_fault(port, self._ports.service_fault(port, exchange.type_name, BindingDirection.CALL))
             if port not in self._ports:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Iterator, Mapping, Sequence
 
 from msbot.config import Direction
@@ -231,7 +232,7 @@ def _wires(facts: RobotFacts) -> Iterator[Finding]:
                 said("nobody publishes {topic}, and {ends} wait for it", topic=binding.topic, ends=ends),
                 said("they keep their safe values for ever"),
                 said("readers of this topic, and no sample"),
-                f"msbot bind SLOT.PORT {binding.targets[0] if binding.targets else ''}".rstrip(),
+                f"msbot bind {shlex.quote(binding.topic)} --type {shlex.quote(binding.type_name)} --from SLOT.PORT",
                 must=False,
             )
     for slot in blueprint.slots:
@@ -245,7 +246,7 @@ def _wires(facts: RobotFacts) -> Iterator[Finding]:
                     said("{port} is bound to nothing", port=f"{slot.name}.{port.name}"),
                     said("it does nothing until it is wired, or driven by hand"),
                     said("no reader for this port, no sample to it"),
-                    f"msbot bind SLOT.PORT {slot.name}.{port.name}",
+                    f"msbot bind TOPIC --type {shlex.quote(port.type_name)} --from SLOT.PORT --to {slot.name}.{port.name}",
                     must=False,
                 )
     for loop in loops(_arrows(facts)):
