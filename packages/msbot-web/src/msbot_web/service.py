@@ -522,7 +522,7 @@ def done_of(outcome: Outcome) -> ChangeResult:
         {
             "words": outcome.words,
             "edit": outcome.edit_id,
-            "offers": outcome.answer.get("offers", []),
+            **{name: outcome.answer.get(name, []) for name in ("offers", "for_people", "by_hand")},
             "reply": outcome.answer.get("reply", {}),
         }
     )

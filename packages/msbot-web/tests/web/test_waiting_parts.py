@@ -10,7 +10,10 @@ from nicegui.page import page as nicegui_page
 from msbot.operations.rights import Role
 from msbot_web.language import languages
 from msbot_web.pages.page import Page
-from msbot_web.pages.waiting_parts import ArrivalsPanel
+from msbot_web.models.robot_models import ChangeResult, WireOffer
+from msbot_web.pages import wires
+from msbot_web.pages.waiting_parts import ArrivalsPanel, offer_wires
+from tests.operations.stage import AA_IS_A_DIAL
 from tests.web.rig import Rig, show
 
 
@@ -51,3 +54,58 @@ def test_a_card_and_its_menu_stay_while_parts_come_go_and_change(tmp_path: Path)
         assert buttons_of(cards) == {}
 
     show(tmp_path, scene)
+
+
+def pressable(place: ui.element) -> dict[str, ui.button]:
+    """The buttons in it, by what is on them."""
+    return {button.text: button for button in place.descendants() if isinstance(button, ui.button)}
+
+
+async def press(button: ui.button) -> None:
+    """As a click does, and wait for what it does."""
+    with button:
+        for listener in button._event_listeners.values():
+            if listener.type == "click" and listener.handler is not None:
+                done = listener.handler(None)
+                if done is not None:
+                    await done
+
+
+def test_a_new_part_is_offered_the_wires_that_fit_and_those_for_people(tmp_path: Path) -> None:
+    async def scene(rig: Rig) -> None:
+        await rig.look(2.0)
+        offers = {
+            "offers": [WireOffer(**{"topic": "t", "type": "HelloWorld", "from": "AA.out", "to": ["BB.in"]})],
+            "for_people": [WireOffer(**{"topic": "echo", "type": "HelloWorld -> HelloWorld", "from": "AA.echo", "to": []})],
+            "by_hand": [WireOffer(**{"topic": "in", "type": "HelloWorld", "from": "", "to": ["AA.in"]})],
+        }
+        with Client(nicegui_page("/")) as client:
+            page = Page(rig.service, rig.session(Role.TEACHER), languages()["en"])
+            offer_wires(page, ChangeResult(words="adopted", **offers))
+        buttons = pressable(client.layout)
+        assert list(buttons) == ["AA.out → BB.in", "AA.echo", "AA.in", "Close"]
+        await press(buttons["AA.echo"])
+        await rig.look(1.0)
+        made = next(line for line in rig.views.topics() if "AA.echo" in line.publishers)
+        assert (made.topic, made.subscribers) == ("echo", [])
+
+    show(tmp_path, scene, AA_IS_A_DIAL, parts=("AA=DIAL",))
+
+
+def test_the_page_wires_offers_each_port_without_one_a_wire_of_its_own(tmp_path: Path) -> None:
+    async def scene(rig: Rig) -> None:
+        await rig.look(2.0)
+        with Client(nicegui_page("/")), ui.element("div") as place:
+            page = Page(rig.service, rig.session(Role.TEACHER), languages()["en"])
+            wires._Unwired(page)
+        page.refresh()
+        assert "AA.echo" in pressable(place)
+        assert "AA.ask" not in pressable(place), "it calls, and nobody serves"
+        await press(pressable(place)["AA.echo"])
+        await rig.look(1.0)
+        page.refresh()
+        assert "AA.echo" not in pressable(place)
+        called = await rig.act(rig.session(Role.STUDENT), "call", port="AA.echo", values=["index=0", "message=hi"])
+        assert called.words == "AA.echo: index 0, message hi"
+
+    show(tmp_path, scene, AA_IS_A_DIAL, parts=("AA=DIAL",))

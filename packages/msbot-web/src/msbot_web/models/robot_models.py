@@ -137,6 +137,10 @@ class ChangeResult(Model):
     """Its number, for undo; absent when it cannot be undone."""
     offers: list[WireOffer] = Field(default_factory=list)
     """Wires that would fit the new slot of a part that described itself."""
+    for_people: list[WireOffer] = Field(default_factory=list)
+    """Wires of its own for its other ports that publish or serve: people look at them, or call."""
+    by_hand: list[WireOffer] = Field(default_factory=list)
+    """The same for ports that hear: people send to them."""
     reply: dict[str, Scalar] = Field(default_factory=dict)
     """The reply to a call, by its fields."""
 

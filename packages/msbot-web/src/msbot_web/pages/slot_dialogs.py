@@ -88,6 +88,17 @@ def wire_port(page: Page, end: str) -> WirePort | None:
     return next((port for port in page.service.views.ports() if f"{port.slot}.{port.port}" == end), None)
 
 
+async def make_wire(page: Page, end: str) -> None:
+    """Give a port without a wire one of its own: people look at it, call it or send to it, and others can join later."""
+    port = wire_port(page, end)
+    if port is None or port.topic:
+        return  # somebody else has made one, or taken the slot away
+    taken = {line.topic for line in page.service.views.topics()}
+    name = port.port if port.port not in taken else free_name(f"{port.slot}_{port.port}", taken)
+    ends: dict[str, Any] = {"from": end, "to": []} if port.publishes else {"to": [end]}
+    await page.act("bind", topic=name, type=port.type_name, **ends)
+
+
 def _ask_for_topic(page: Page, start: str, end: str) -> None:
     say, views = page.translate, page.service.views
 

@@ -24,7 +24,7 @@ from msbot_web.pages.page_elements import heading, set_html, show_dialog
 from msbot_web.pages.parameter_form import parameter_panel
 from msbot_web.pages.simulator import simulator_panel
 from msbot_web.pages.slider import Slider
-from msbot_web.pages.slot_dialogs import free_name, wire_port
+from msbot_web.pages.slot_dialogs import make_wire, wire_port
 from msbot_web.svg.drawings import HELD_WORDS, done_fields, draw, fields_html, sparkline, state_chip
 from msbot_xrce.errors import MsbotError, NotThere
 
@@ -156,13 +156,7 @@ class _ServiceControl:
         self._button.set_visibility(is_wired)
 
     async def _wire(self) -> None:
-        """Make the wire on which people call, and to which ports that call can be joined later."""
-        port = wire_port(self._page, self._where)
-        if port is not None and not port.topic:  # else somebody else has made one, or taken the slot away
-            taken = {line.topic for line in self._page.service.views.topics()}
-            name = port.port if port.port not in taken else free_name(f"{port.slot}_{port.port}", taken)
-            wish: dict[str, Any] = {"from": self._where}
-            await self._page.act("bind", topic=name, type=port.type_name, to=[], **wish)
+        await make_wire(self._page, self._where)
 
     async def _changed(self, name: str, value: Scalar) -> None:
         self._values[name] = value
@@ -463,17 +457,22 @@ class _PartActions:
             if page.may(Right.ARRANGE):
                 yield _PartAction(page.translate("Release slot"), "eject", "release", (slot,))
                 yield _PartAction(page.translate("Block part"), "block", "block", (uid,), "outline color=negative")
+                known = page.service.views.library.find(part.part_number)
+                is_here = PartState(part.state).is_registered
+                if known is not None and known.origin and is_here and page.may(Right.DESIGN):
+                    words = page.translate("Adopt anew")
+                    yield _PartAction(words, "published_with_changes", "adopt", (uid, slot))
                 if PartState(part.state).is_over:
                     yield _PartAction(page.translate("Forget part"), "delete_outline", "forget_part", (uid,))
                 for spare in _spares(page):
                     words = page.translate("Swap to {part}", part=spare.part)
                     yield _PartAction(words, "swap_horiz", "swap", (slot, ("to", spare.uid)))
         # One click lets a simulated part stand in for that of the slot, another gives the slot back.
-        is_here = _has_stand_in(page, card)
-        if page.may(Right.ARRANGE) and (is_here or not card.simulated):
-            words = page.translate("Give the slot back") if is_here else page.translate("Simulate this slot")
-            icon = "settings_backup_restore" if is_here else "smart_toy"
-            yield _PartAction(words, icon, "simulate", (slot, ("end", is_here)))
+        stands_in = _has_stand_in(page, card)
+        if page.may(Right.ARRANGE) and (stands_in or not card.simulated):
+            words = page.translate("Give the slot back") if stands_in else page.translate("Simulate this slot")
+            icon = "settings_backup_restore" if stands_in else "smart_toy"
+            yield _PartAction(words, icon, "simulate", (slot, ("end", stands_in)))
 
 
 def _why(page: Page, slot: str) -> None:

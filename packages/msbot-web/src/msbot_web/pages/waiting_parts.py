@@ -12,7 +12,7 @@ from nicegui import ui
 from msbot.operations.rights import Right
 from msbot_web.api.dependencies import parts_for
 from msbot_web.html import render
-from msbot_web.models.robot_models import PartLine, WireOffer
+from msbot_web.models.robot_models import ChangeResult, PartLine, WireOffer
 from msbot_web.pages.layout import page_frame
 from msbot_web.pages.page import Page
 from msbot_web.pages.page_elements import heading, menu_item, page_dialog, set_html, show_dialog
@@ -188,27 +188,36 @@ async def adopt(page: Page, name: str) -> None:
     """Make the part what it says it is, and offer the wires that fit."""
     with page.in_page():
         done = await page.act("adopt", part=name)
-        if done is not None and done.offers:
-            offer_wires(page, done.offers)
+        if done is not None and (done.offers or done.for_people or done.by_hand):
+            offer_wires(page, done)
 
 
-def offer_wires(page: Page, offers: Sequence[WireOffer]) -> None:
-    """Show wires that would fit; each is made with one press."""
+def offer_wires(page: Page, done: ChangeResult) -> None:
+    """Show wires that would fit, and those on which people look, call or send; each is made with one press."""
+    say = page.translate
     with ui.dialog() as dialog, ui.card().style("max-width:min(40rem,95vw)"):
-        heading(page.translate("Wires that fit"))
-        ui.label(page.translate("These ports carry the same message. Press what is to be joined."))
-        with ui.element("div").classes("ms-offers"):
-            for offer in offers:
-                _offered(page, offer)
+        heading(say("Wires that fit"))
+        _offers(page, say("These ports carry the same message. Press what is to be joined."), done.offers)
+        _offers(page, say("For people, who look at it or call it:"), done.for_people)
+        _offers(page, say("For people, who send to it by hand:"), done.by_hand)
         ui.button(page.translate("Close"), on_click=dialog.close).props("flat")
     show_dialog(dialog)
 
 
+def _offers(page: Page, words: str, offers: Sequence[WireOffer]) -> None:
+    if offers:
+        ui.label(words)
+        with ui.element("div").classes("ms-offers"):
+            for offer in offers:
+                _offered(page, offer)
+
+
 def _offered(page: Page, offer: WireOffer) -> None:
-    button = ui.button(f"{offer.source} → {', '.join(offer.to)}", icon="add_link").props("outline no-caps")
+    ends = " → ".join(filter(None, (offer.source, ", ".join(offer.to))))
+    button = ui.button(ends, icon="add_link").props("outline no-caps")
 
     async def join() -> None:
-        wish: dict[str, Any] = {"from": offer.source}
+        wish: dict[str, Any] = {"from": offer.source} if offer.source else {}
         done = await page.act("bind", topic=offer.topic, type=offer.type, to=offer.to, **wish)
         if done is not None:
             button.props("icon=check")

@@ -14,12 +14,13 @@ from msbot.config import BOARD_DRIVERS, PartType, WiredPart, wired_part, wired_p
 from msbot.config.library.board_wiring import CHIPS, pin_faults
 from msbot.hardware.wiring_picture import wiring_picture
 from msbot.operations.rights import Right
+from msbot.service_types import service_type
 from msbot_web.html import Markup, render
-from msbot_web.models.robot_models import TopicLine
+from msbot_web.models.robot_models import TopicLine, WirePort
 from msbot_web.pages.layout import page_frame
 from msbot_web.pages.page import Page
-from msbot_web.pages.page_elements import set_html, show_dialog
-from msbot_web.pages.slot_dialogs import ask_for_slot, ask_to_take_out, connect_ports, say_misfit
+from msbot_web.pages.page_elements import heading, set_html, show_dialog
+from msbot_web.pages.slot_dialogs import ask_for_slot, ask_to_take_out, connect_ports, make_wire, say_misfit
 from msbot_web.root_path import root
 from msbot_web.service import Service
 from msbot_web.svg.drawings import value_words
@@ -35,6 +36,8 @@ def register(service: Service) -> None:
         with page_frame(service, request, "/wires", "Wires") as page:
             ui.add_head_html(f'<script src="{root()}/web/wires.js"></script>')
             _Drawing(page)
+            if page.may(Right.DESIGN):
+                _Unwired(page)
             _table(page)
 
 
@@ -141,6 +144,46 @@ class _Drawing:
             await self._page.act("unbind", topic=end, port=start)
         else:
             await connect_ports(self._page, start, end)
+
+
+MOST_UNWIRED = 24
+"""Ports that are offered a wire of their own; the drawing has all."""
+
+
+class _Unwired:
+    """Ports without a wire: each gets one of its own with one press."""
+
+    def __init__(self, page: Page) -> None:
+        self._page = page
+        self._buttons: dict[str, ui.button] = {}
+        with ui.element("div").classes("panel") as self._panel:
+            heading(page.translate("Ports without a wire"))
+            ui.label(
+                page.translate(
+                    "Join them with others in the drawing, or press one to give it a wire of its own: people can then "
+                    "look at it, call it or send to it."
+                )
+            ).classes("soft")
+            self._row = ui.element("div").classes("row")
+        page.every_look(self._show, self._panel)
+
+    def _show(self) -> None:
+        ports = [] if self._page.is_past else self._page.service.views.ports()
+        wanted = [f"{port.slot}.{port.port}" for port in ports if not port.topic and not _only_calls(port)][:MOST_UNWIRED]
+        for gone in self._buttons.keys() - set(wanted):
+            self._buttons.pop(gone).delete()
+        for place, end in enumerate(wanted):
+            if end not in self._buttons:
+                with self._row:
+                    make = partial(make_wire, self._page, end)
+                    self._buttons[end] = ui.button(end, icon="add_link", on_click=make).props("outline no-caps dense")
+                self._buttons[end].move(target_index=place)
+        self._panel.set_visibility(bool(wanted))
+
+
+def _only_calls(port: WirePort) -> bool:
+    """Whether a port calls: a wire without a part that serves is of no use to it."""
+    return not port.publishes and service_type(port.type_name) is not None
 
 
 def _table(page: Page) -> None:
