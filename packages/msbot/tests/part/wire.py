@@ -10,6 +10,7 @@ from random import Random
 from msbot.part.client.client_settings import ConnectionState
 from msbot.part.join import pnp_messages
 from msbot.part.join.hardware_trouble import TroublePiece
+from msbot.part.join.part_log import LEVEL_BITS, LEVEL_SHIFT, VersionOf
 from msbot.part.join.membership import INVENTORY
 from msbot.part.join.refusal import Refusal
 from msbot_agent.agent import Agent, Gate, OpenGate, client_key_of
@@ -287,6 +288,8 @@ class SmallMaster:
             case pnp_messages.TypeMessage(lease=lease, binding=binding, hash=octets):
                 self.types.append((self.parts.get(lease, ""), binding, octets))
                 return self.odd_types.get(binding)
+            case TroublePiece(place=place) if place & LEVEL_BITS == VersionOf.HOME << LEVEL_SHIFT:
+                return None  # every part says where it runs
             case TroublePiece(lease=lease, place=place):
                 self.requests.append((f"trouble {place}", self.parts.get(lease, "")))
                 return None

@@ -9,6 +9,7 @@ import pytest
 from msbot.part.join import pnp_messages
 from msbot.part.join.hardware_trouble import TroublePiece
 from msbot.pnp.packet_words import inventory_sentence, piece_sentence, submessage_sentence
+from msbot.pnp.refusal_help import help_message
 from msbot_xrce.messages import Acknack, Submessage
 
 UP, DOWN = "knob", "the master"
@@ -30,6 +31,10 @@ def filled(kind: type[Any], **values: object) -> Any:
         (pnp_messages.BeatReply(configuration_version=1), "the master has heard that knob is alive"),
         (pnp_messages.BeatReply(configuration_version=2), "the master has heard that knob is alive"),
         (filled(pnp_messages.ProfileMessage, message="Robo"), "knob hears which robot this is: Robo"),
+        (TroublePiece(lease=1, place=0x80, text=bytes(12)), "knob says what is wrong with it"),
+        (TroublePiece(lease=1, place=0x90, text=bytes(12)), "knob says a line of its log"),
+        (TroublePiece(lease=1, place=0xE0, text=b"C 0.1.0".ljust(12, b"\0")), "knob says its version"),
+        (help_message("slot AA has AA"), "the master tells knob why it is not let in"),
         ("a text", None),
     ],
 )
