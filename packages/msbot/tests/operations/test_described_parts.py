@@ -279,6 +279,8 @@ def test_a_part_that_is_adopted_anew_keeps_the_wires_of_ports_that_are_as_before
         task = run(stage, other)
         await asyncio.sleep(WAIT_S)
         assert other.state is JoinState.ACTIVE
+        words = await stage.refusal(stage.do.bind("gust", "Wind", "vane_1.gust", (), who="ann"))
+        assert words.endswith("; if its program has it now: msbot adopt vane_1")
         done = await stage.do.adopt("vane_1", who="ann")
         assert done.words == (
             "VANE-1 is in the library now as its part describes it; its wires stay, but for vane_1.light (topic light: it "

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from functools import partial
 
-from msbot.config import ParameterKind, board_documents, wired_parts
+from msbot.config import ParameterKind, SlotPort, board_documents, wired_parts
 from msbot.operations.operation import Outcome, outcome_of
 from msbot.operations.running_robot import ChangeableRobot, endpoint_of, slot_of
 from msbot.registry import ValueRecord
@@ -147,6 +147,25 @@ class Wires:
             return outcome_of(await self._robot.change(who, making))
         except wires.NothingToChange as so:
             return Outcome(str(so))
+        except ConfigError as error:
+            slot = await self._adopted_without([*([] if start is None else [start]), *ends])
+            if slot is None:
+                raise
+            words = said("{fault}; if its program has it now: msbot adopt {slot}", fault=error.args[0], slot=slot)
+            raise ConfigError(words) from error
+
+    async def _adopted_without(self, ends: Sequence[SlotPort]) -> str | None:
+        """The slot of one of these ports whose part described itself, when it was adopted, without that port."""
+        library = self._robot.library
+        if library is None:
+            return None
+        blueprint = await self._robot.read(lambda registry, robot: registry.robots.blueprint(robot))
+        numbers = {slot.name: slot.part_number for slot in blueprint.slots}
+        for end in ends:
+            part_type = library.get(numbers.get(end.slot, ""))
+            if part_type is not None and part_type.origin and part_type.port(end.port) is None:
+                return end.slot
+        return None
 
     async def unbind(self, topic: str, port: str | None, who: str) -> Outcome:
         """Disconnect a port, or all ports, from a topic."""
