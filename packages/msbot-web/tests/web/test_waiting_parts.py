@@ -10,7 +10,7 @@ from nicegui.page import page as nicegui_page
 from msbot.operations.rights import Role
 from msbot_web.language import languages
 from msbot_web.pages.page import Page
-from msbot_web.models.robot_models import ChangeResult, WireOffer
+from msbot_web.models.robot_models import ChangeResult
 from msbot_web.pages import wires
 from msbot_web.pages.waiting_parts import ArrivalsPanel, offer_wires
 from tests.operations.stage import AA_IS_A_DIAL
@@ -74,14 +74,17 @@ async def press(button: ui.button) -> None:
 def test_a_new_part_is_offered_the_wires_that_fit_and_those_for_people(tmp_path: Path) -> None:
     async def scene(rig: Rig) -> None:
         await rig.look(2.0)
-        offers = {
-            "offers": [WireOffer(**{"topic": "t", "type": "HelloWorld", "from": "AA.out", "to": ["BB.in"]})],
-            "for_people": [WireOffer(**{"topic": "echo", "type": "HelloWorld -> HelloWorld", "from": "AA.echo", "to": []})],
-            "by_hand": [WireOffer(**{"topic": "in", "type": "HelloWorld", "from": "", "to": ["AA.in"]})],
-        }
+        done = ChangeResult.model_validate(
+            {
+                "words": "adopted",
+                "offers": [{"topic": "t", "type": "HelloWorld", "from": "AA.out", "to": ["BB.in"]}],
+                "for_people": [{"topic": "echo", "type": "HelloWorld -> HelloWorld", "from": "AA.echo", "to": []}],
+                "by_hand": [{"topic": "in", "type": "HelloWorld", "from": "", "to": ["AA.in"]}],
+            }
+        )
         with Client(nicegui_page("/")) as client:
             page = Page(rig.service, rig.session(Role.TEACHER), languages()["en"])
-            offer_wires(page, ChangeResult(words="adopted", **offers))
+            offer_wires(page, done)
         buttons = pressable(client.layout)
         assert list(buttons) == ["AA.out → BB.in", "AA.echo", "AA.in", "Close"]
         await press(buttons["AA.echo"])
