@@ -37,7 +37,10 @@ def _send(membership, pieces, now):
     while pieces:
         place, piece = pieces[0]
         if not membership._ask(struct.pack("<IB12s", membership._lease, place, piece), RELIABLE):
-            again = now + _AGAIN
-            membership.part._pending.append((again, lambda: _send(membership, pieces, again)))
+            _send_later(membership, pieces, now + _AGAIN)
             return
         pieces.pop(0)
+
+
+def _send_later(membership, pieces, at):
+    membership.part._pending.append((at, lambda: _send(membership, pieces, at)))

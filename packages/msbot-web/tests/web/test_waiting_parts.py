@@ -9,9 +9,9 @@ from nicegui.page import page as nicegui_page
 
 from msbot.operations.rights import Role
 from msbot_web.language import languages
-from msbot_web.pages.page import Page
 from msbot_web.models.robot_models import ChangeResult
 from msbot_web.pages import wires
+from msbot_web.pages.page import Page
 from msbot_web.pages.waiting_parts import ArrivalsPanel, offer_wires
 from tests.operations.stage import AA_IS_A_DIAL
 from tests.web.rig import Rig, show

@@ -283,14 +283,16 @@ def test_a_part_that_is_adopted_anew_keeps_the_wires_of_ports_that_are_as_before
         assert words.endswith("; if its program has it now: msbot adopt vane_1")
         done = await stage.do.adopt("vane_1", who="ann")
         assert done.words == (
-            "VANE-1 is in the library now as its part describes it; its wires stay, but for vane_1.light (topic light: it "
-            "carries Speed now), vane_1.brake (topic brake: the port is gone)"
+            "VANE-1 is in the library now as its part describes it; its wires stay, but for vane_1.light (topic light: "
+            "it carries Speed now), vane_1.brake (topic brake: the port is gone)"
         )
         assert done.answer["lost"] == [
             {"topic": "light", "port": "vane_1.light"},
             {"topic": "brake", "port": "vane_1.brake"},
         ]
-        assert [wire["from"] for wire in done.answer["for_people"]] == ["vane_1.light", "vane_1.gust"]
+        for_people = done.answer["for_people"]
+        assert isinstance(for_people, list)
+        assert [wire["from"] for wire in for_people] == ["vane_1.light", "vane_1.gust"]
         await asyncio.sleep(0.5)
         assert (other.state, other.slot, other.bound("wind"), other.bound("light")) == (
             JoinState.ACTIVE,

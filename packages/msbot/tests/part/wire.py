@@ -10,8 +10,8 @@ from random import Random
 from msbot.part.client.client_settings import ConnectionState
 from msbot.part.join import pnp_messages
 from msbot.part.join.hardware_trouble import TroublePiece
-from msbot.part.join.part_log import LEVEL_BITS, LEVEL_SHIFT, VersionOf
 from msbot.part.join.membership import INVENTORY
+from msbot.part.join.part_log import LEVEL_BITS, LEVEL_SHIFT, VersionOf
 from msbot.part.join.refusal import Refusal
 from msbot_agent.agent import Agent, Gate, OpenGate, client_key_of
 from msbot_agent.link import (

@@ -439,7 +439,8 @@ def test_what_a_program_says_of_a_port_counts_until_the_wire_of_the_port_changes
         scene.bb.serves("says", Number, Text)(lambda request: Text(text="seven"))
         await scene.plug(scene.bb, scene.aa)
         await asyncio.sleep(1.0)
-        words = "port 'halve': nobody can call it before `msbot bind halve --type 'Number -> Number' --from BB.halve`; bound in "
+        command = "`msbot bind halve --type 'Number -> Number' --from BB.halve`"
+        words = f"port 'halve': nobody can call it before {command}; bound in "
         mine = "port 'says': carries Number -> Number, but the program says Number -> Text"
         assert [line.words for line in inventory.lines_of("BB")] == lines == [f"{words}this robot: says ({only})", mine]
         says = SlotBinding("says", "name", HALVE, publishes=True)
@@ -468,7 +469,8 @@ def test_a_program_that_serves_at_a_wrong_port_is_told_at_once(caplog: pytest.Lo
         await scene.plug(scene.bb)
         await asyncio.sleep(1.0)
         words = (
-            "port 'halv': nobody can call it before `msbot bind halv --type 'Number -> Number' --from BB.halv`; bound in this robot: "
+            "port 'halv': nobody can call it before `msbot bind halv --type 'Number -> Number' --from BB.halv`; "
+            "bound in this robot: "
             "halve (serve Number -> Number), says (serve Number -> Text), wait (call Number -> Number)"
         )
         said = [one for one in caplog.records if "port '" in one.getMessage()][:1]

@@ -165,7 +165,9 @@ def test_a_part_says_where_it_runs_and_what_is_not_known_here_counts_for_nothing
     say(VersionOf.HOME, "Mars 99.1.0")
     assert told() == ("", "99.1.0"), "a word that only a later version knows"
     assert [read_home(home_text(home)).home for home in Home] == list(Home)
-    assert all(len(home_text(home)) <= TROUBLE_OCTETS for home in Home), "one piece, as long as versions have five digits"
+    assert all(len(home_text(home)) <= TROUBLE_OCTETS for home in Home), (
+        "one piece, as long as versions have five digits"
+    )
 
 
 def test_the_configuration_travels_whole() -> None:

@@ -169,7 +169,9 @@ class _Unwired:
 
     def _show(self) -> None:
         ports = [] if self._page.is_past else self._page.service.views.ports()
-        wanted = [f"{port.slot}.{port.port}" for port in ports if not port.topic and not _only_calls(port)][:MOST_UNWIRED]
+        wanted = [f"{port.slot}.{port.port}" for port in ports if not port.topic and not _only_calls(port)][
+            :MOST_UNWIRED
+        ]
         for gone in self._buttons.keys() - set(wanted):
             self._buttons.pop(gone).delete()
         for place, end in enumerate(wanted):

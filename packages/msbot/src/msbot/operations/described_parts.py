@@ -143,7 +143,12 @@ def ports_that_changed(blueprint: Blueprint, number: str, now: PartType) -> list
             if port is None:
                 words = said("{end} (topic {topic}: the port is gone)", end=str(end), topic=binding.topic)
             elif port.type_name != binding.type_name:
-                words = said("{end} (topic {topic}: it carries {type} now)", end=str(end), topic=binding.topic, type=port.type_name)
+                words = said(
+                    "{end} (topic {topic}: it carries {type} now)",
+                    end=str(end),
+                    topic=binding.topic,
+                    type=port.type_name,
+                )
             elif (port.direction in _GIVING) is not gives:
                 words = said("{end} (topic {topic}: it has the other direction now)", end=str(end), topic=binding.topic)
             else:
@@ -288,7 +293,9 @@ class DescribedPartAdoption:
         others = library.without_type(old.number)
         described = await self._read(await self._say_again(info, slot, old.number), info.part_number, others)
         if _is_same(old, described, library):
-            words = said("{part} is in slot {target} already, and describes itself as before", part=info.part, target=slot)
+            words = said(
+                "{part} is in slot {target} already, and describes itself as before", part=info.part, target=slot
+            )
             raise ConfigError(words)
         registry, robot = self._running.database()
         blueprint = await self._in_force()
@@ -322,13 +329,18 @@ class DescribedPartAdoption:
         path = Path(part_type.source) if part_type.source else None
         if path is not None and path.parent != self._folder:
             raise ConfigError(
-                said("{number} was adopted by another robot: change its library file {file}", number=part_type.number, file=str(path))
+                said(
+                    "{number} was adopted by another robot: change its library file {file}",
+                    number=part_type.number,
+                    file=str(path),
+                )
             )
         return path
 
     async def _say_again(self, info: PartInfo, slot: str, number: str) -> str:
         """What a part that is in the robot says of itself."""
-        waiting = self._asked_again[info.client_key] = asyncio.get_running_loop().create_future()
+        waiting: asyncio.Future[SelfDescription] = asyncio.get_running_loop().create_future()
+        self._asked_again[info.client_key] = waiting
         service = self._running.master.inventory_service
         try:
             for _ in range(ASK_TIMES):  # a question may be lost

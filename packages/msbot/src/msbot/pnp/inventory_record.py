@@ -65,9 +65,9 @@ class InventoryRecord:
         "duplicates",
         "hardware",
         "heard_at",
-        "home",
         "history",
         "holds_slot",
+        "home",
         "identity",
         "is_held",
         "lease",
@@ -121,8 +121,7 @@ class InventoryRecord:
         self.hardware = self.software = self.trouble = ""
         """Versions, as the part itself says, or said in its session before; and what is wrong with its hardware, as
         it said before it ended."""
-        self.home = ToldHome()
-        """Where it runs, as it says likewise."""
+        self.home = ToldHome()  # where it runs, as it says likewise
         self.trouble_pieces = b""
         self.log: deque[ProgramLogLine] = deque(maxlen=LOG_LINES)
         """What its program logged last."""
@@ -141,10 +140,9 @@ class InventoryRecord:
         """How many times it was asked what it is."""
         self.says: SelfDescription | None = None
         """What it answered."""
-        self.says_again = False
-        """It is in the robot, and is asked again, because a person adopts it anew."""
-        self.spoke_unasked = False
-        """It said what it is although nobody asked; noted once."""
+        self.spoke_unasked = self.says_again = False
+        """It said what it is although nobody asked, noted once; and it is asked while it is in the robot, because a
+        person adopts it anew."""
         self.contest: DuplicateClaim | None = None
         self.heard_at = plugged_in_at
         """When it last claimed or sent a beat."""

@@ -95,7 +95,9 @@ def inventory_sentence(message: object, part: str) -> Sentence | None:
             return said("the master does not know {part} any more", part=part)
         case pnp_messages.BeatReply():
             return said("the master has heard that {part} is alive", part=part)
-        case pnp_messages.ConfigurationMessage(slot="", settings=[pnp_messages.Setting(name=pnp_messages.HELP_SETTING)]):
+        case pnp_messages.ConfigurationMessage(
+            slot="", settings=[pnp_messages.Setting(name=pnp_messages.HELP_SETTING)]
+        ):
             return said("the master tells {part} why it is not let in", part=part)
         case pnp_messages.Notice():
             form = _NOTICES.get(message.kind)

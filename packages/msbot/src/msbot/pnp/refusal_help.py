@@ -1,4 +1,4 @@
-"""What a part that is not let in is told besides the reason's number: who has its slot, and the command that helps. Pure.
+"""What a part that is not let in is told besides the reason's number: who has its slot, and what to type. Pure.
 
 Only where refusals are explained, and never what only teachers see, as UIDs and addresses.
 """
@@ -21,9 +21,7 @@ MOST_SLOTS = 3
 """Slots that are named."""
 
 
-def refusal_help(
-    record: InventoryRecord, matcher: Matcher, holders: Mapping[str, InventoryRecord]
-) -> Sentence | None:
+def refusal_help(record: InventoryRecord, matcher: Matcher, holders: Mapping[str, InventoryRecord]) -> Sentence | None:
     """What helps a part that has been refused or stands by; None: nothing is known that helps."""
     claim = record.claim
     if claim is None or record.is_registered:
@@ -61,7 +59,9 @@ def _without_slot(
             part=part,
             slots=", ".join(free[:MOST_SLOTS]),
         )
-    held = [said("slot {slot} has {holder}", slot=slot, holder=holders[slot].name) for slot in fitting if slot in holders]
+    held = [
+        said("slot {slot} has {holder}", slot=slot, holder=holders[slot].name) for slot in fitting if slot in holders
+    ]
     if not held:
         return None
     return said(

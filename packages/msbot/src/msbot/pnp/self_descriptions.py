@@ -1,8 +1,8 @@
 """Parts that say what they are: who is asked, and whose answer is taken (docs/decisions/0007). Pure.
 
-A part that was turned away because the library does not know its number is asked, in a robot with keys after its proof;
-and one that is in the robot, when a person adopts it anew. Its answer changes nothing: it is kept with the part until somebody else has checked it, and a person
-has adopted it.
+A part that was turned away because the library does not know its number is asked, in a robot with keys after its proof.
+Its answer changes nothing: it is kept with the part until somebody else has checked it, and a person has adopted it. A
+part that is in the robot is asked when a person adopts it anew; its answer goes to whoever has asked.
 """
 
 from __future__ import annotations

@@ -98,7 +98,9 @@ def test_an_error_of_a_program_names_its_file_and_line(board: SimulatedBoard, tm
 
 @needs_node
 def test_a_part_that_ends_by_a_mistake_says_it_once(board: SimulatedBoard, tmp_path: Path) -> None:
-    status, said = call("run", program(tmp_path, "from msbot import Part\n\nPart('X').run()\n"), "--source", "--port", board.port)
+    status, said = call(
+        "run", program(tmp_path, "from msbot import Part\n\nPart('X').run()\n"), "--source", "--port", board.port
+    )
     assert status == 1
     assert said.startswith("this board cannot do serial:1")
     assert len(said.splitlines()) == 1

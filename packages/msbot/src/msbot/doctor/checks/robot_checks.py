@@ -238,15 +238,16 @@ def _wires(facts: RobotFacts) -> Iterator[Finding]:
     for slot in blueprint.slots:
         part_type = facts.library.get(slot.part_number)
         for port in () if part_type is None else part_type.ports:
+            where = f"{slot.name}.{port.name}"
             is_bound = any(end.slot == slot.name and end.port == port.name for end in bound)
             if port.direction is Direction.SUBSCRIBE and not is_bound:
                 yield Finding(
                     "port-unbound",
-                    f"{slot.name}.{port.name}",
-                    said("{port} is bound to nothing", port=f"{slot.name}.{port.name}"),
+                    where,
+                    said("{port} is bound to nothing", port=where),
                     said("it does nothing until it is wired, or driven by hand"),
                     said("no reader for this port, no sample to it"),
-                    f"msbot bind TOPIC --type {shlex.quote(port.type_name)} --from SLOT.PORT --to {slot.name}.{port.name}",
+                    f"msbot bind TOPIC --type {shlex.quote(port.type_name)} --from SLOT.PORT --to {where}",
                     must=False,
                 )
     for loop in loops(_arrows(facts)):

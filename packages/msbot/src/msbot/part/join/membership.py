@@ -338,7 +338,7 @@ class Membership:
         self._say_on()
 
     def _describe(self) -> None:
-        """The robot asks what the part is: it has not been let in, or a person adopts it anew; it may be asked again."""
+        """The robot asks what the part is: it has not been let in, or a person adopts it anew. It may ask again."""
         is_outside = self.joining.state in (JoinState.CLAIMING, JoinState.REFUSED)
         if self._description and (is_outside or self.joining.lease):
             if is_outside:
