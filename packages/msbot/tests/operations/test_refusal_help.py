@@ -56,10 +56,10 @@ def test_what_a_part_is_told_without_a_slot_when_it_is_blocked_and_when_it_shows
         stage.plug("eye", "DIAL")
         await asyncio.sleep(WAIT_S)
         assert heard(caplog) == []
-        stage.plug("fan", "FAN-1")
+        stage.plug("fan", "FAN-5V")
         await asyncio.sleep(WAIT_S)
-        assert heard(caplog) == ["this robot has no slot for a FAN-1: `msbot slot add NAME FAN-1` makes one"]
-        await stage.do.add_slot("fan", "FAN-1", who="ann")
+        assert heard(caplog) == ["this robot has no slot for a FAN-5V: `msbot slot add NAME FAN-5V` makes one"]
+        await stage.do.add_slot("fan", "FAN-5V", who="ann")
         await asyncio.sleep(WAIT_S)
         assert stage.parts["fan"].state is JoinState.ACTIVE, "the command is right"
         await stage.do.block("fan", "loud", who="ann")
@@ -69,7 +69,7 @@ def test_what_a_part_is_told_without_a_slot_when_it_is_blocked_and_when_it_shows
         await asyncio.sleep(WAIT_S)
         assert stage.parts["fan"].state is JoinState.ACTIVE
         uid = int.from_bytes(stage.parts["fan"].uid or b"", "big")
-        stage.plug("copy", "FAN-1", uid=uid)
+        stage.plug("copy", "FAN-5V", uid=uid)
         await asyncio.sleep(2 * WAIT_S)
         assert heard(caplog)[2:] == ["fan in slot fan has the same UID"]
         assert "inproc" not in "".join(heard(caplog)), "addresses are only for teachers"
@@ -82,12 +82,12 @@ def test_slots_that_are_free_are_named(tmp_path: Path, caplog: pytest.LogCapture
 
     async def scene(stage: Stage) -> None:
         for slot in ("left", "right"):
-            await stage.do.add_slot(slot, "FAN-1", who="ann")
-        stage.plug("mine", "FAN-1")
+            await stage.do.add_slot(slot, "FAN-5V", who="ann")
+        stage.plug("mine", "FAN-5V")
         await asyncio.sleep(WAIT_S)
         assert heard(caplog) == [
             "2 free slots fit and local name 'mine' names none of them: a person must say: "
-            "`msbot adopt mine --slot SLOT` puts it into one of left, right"
+            "`msbot adopt mine --slot SLOT` puts it into one of right, left"
         ]
 
     play(tmp_path, scene)

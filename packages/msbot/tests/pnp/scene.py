@@ -105,8 +105,9 @@ class Visitor:
 
     async def claim(self, number: str = "ABCD", serial: int = 1) -> pnp_messages.VerdictMessage | None:
         message = pnp_messages.ClaimMessage(part_number=number, local_name="", uid=uid(serial), session_nonce=1)
-        reply = await self.ask(message.encode())
-        return None if reply is None else pnp_messages.VerdictMessage.decode(reply)
+        await self.ask(message.encode())
+        told = [pnp_messages.decode_reply(reply) for reply in self.replies]
+        return next((one for one in reversed(told) if isinstance(one, pnp_messages.VerdictMessage)), None)
 
     def publish(self, payload: bytes) -> None:
         self.client.write(self.writer, payload)

@@ -13,6 +13,7 @@ from msbot.part.join.refusal import Refusal
 from msbot.pnp import Claim, Configuration, InventoryService, PartEvent, PartState
 from msbot.pnp.inventory_service import LONGEST_BEST_EFFORT, TOLD_IN_TURN
 from msbot.pnp.life_status import TRANSITIONS
+from msbot.pnp.refusal_help import help_message
 from msbot.process.virtual_time import run_virtual
 from msbot_agent.link import InprocHub
 from msbot_xrce.errors import LinkFull
@@ -127,13 +128,17 @@ def test_a_part_that_waited_is_answered_once_when_its_own_claim_brings_it_in() -
         refused = pnp_messages.VerdictMessage(
             lease=0, configuration_version=0, beat_period_ms=1000, reason=Refusal.BLOCKED
         )
-        assert desk.claim(1, "ABCD") == [answer(1, refused)]
+        (verdict, (key, is_answer, helps, _)) = desk.claim(1, "ABCD")
+        assert (verdict, key, is_answer) == (answer(1, refused), 1, False)
+        assert helps == help_message("blocked: broken; `msbot unblock ABCD` lets it in again")
+        assert desk.claim(1, "ABCD") == [answer(1, refused)], "what helps is said once"
+        told = desk.service.told_unasked
         del desk.rig.store.blocks[uid(1)]
-        ((key, is_answer, verdict, _),) = desk.claim(1, "ABCD")
+        ((key, is_answer, given, _),) = desk.claim(1, "ABCD")
         assert (key, is_answer) == (1, True)
-        assert isinstance(verdict, pnp_messages.VerdictMessage)
-        assert verdict.lease
-        assert desk.service.told_unasked == 0
+        assert isinstance(given, pnp_messages.VerdictMessage)
+        assert given.lease
+        assert desk.service.told_unasked == told
 
     run_virtual(scene())
 

@@ -55,6 +55,9 @@ def test_a_spare_is_told_its_new_lease_at_once_and_its_beats_are_answered() -> N
             refused = await spare.claim("ABCD", 2)
             assert refused is not None
             assert (refused.lease, refused.reason) == (0, Refusal.NO_SLOT)
+            helps = pnp_messages.decode_reply(spare.replies[-1])
+            assert isinstance(helps, pnp_messages.ConfigurationMessage)
+            assert (helps.version, helps.slot, helps.settings[0].name) == (0, "", pnp_messages.HELP_SETTING)
             spare.replies.clear()
             await first.client.close()
             await asyncio.sleep(SOON_S)

@@ -52,6 +52,7 @@ def _without_slot(
         free, fitting = matcher.free_slots(record.claim.part_number), matcher.slots_for(record.claim.part_number)
     except RegistryError:
         return None  # the reason of the refusal says it soon
+    free = [slot for slot in fitting if slot in free]  # in the robot's order
     if free:
         return said(
             "{reason}: `msbot adopt {part} --slot SLOT` puts it into one of {slots}",
