@@ -11,7 +11,7 @@ forget("objects")
 
 
 def read(octets):
-    """What is in a configuration of the inventory: version, slot, bindings, settings."""
+    """What is in a configuration of the inventory: version, slot, bindings, settings. One without a slot says why."""
     reader = Reader(octets)
     version, slot = reader.number("I"), reader.text()
     bindings = []
@@ -19,7 +19,10 @@ def read(octets):
         port, topic, topic_type = reader.text(), reader.text(), reader.text()
         direction, reliable = reader.take(2)  # 0 publishes, 1 subscribes, 2 serves, 3 calls
         bindings.append((port, topic, topic_type, direction, reliable == 1))
-    return version, slot, bindings, [(reader.text(), reader.text()) for _ in range(reader.number("I"))]
+    settings = [(reader.text(), reader.text()) for _ in range(reader.number("I"))]
+    if not slot:  # of a part that is not let in
+        once("words").tell_help(settings)
+    return version, slot, bindings, settings
 
 
 def configure(part, slot, bindings, settings, now):

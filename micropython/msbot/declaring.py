@@ -6,6 +6,7 @@ Nothing that stays may be defined here: a function keeps its whole module in mem
 from .errors import ConfigError
 from .message import Message
 from .part import KINDS, Timed
+from .running import once
 
 _WHEN = {
     "on_join": "join",  # whenever the part has become active
@@ -36,6 +37,8 @@ def verb(part, name):
     if name == "board":
         words = "part {} has no board: make it with Part(..., board=SimGpio())"
         raise ConfigError(words.format(part.local_name))
+    if name in ("hardware", "software", "home"):
+        return once("versions").default(name)
     if name in ("serves", "calls"):
         return getattr(part.use_services(), name)
     function = {"every": every, "on": on, "on_setting": on_setting, "publishes": publishes}.get(name)

@@ -9,7 +9,7 @@ import struct
 
 from micropython import const
 
-from .cdr import Reader, put, put_text
+from .cdr import Reader
 from .errors import RemoteProtocolError
 from .running import load, once
 from .xrce import BEST_EFFORT, ENDLESS, RELIABLE, Client
@@ -85,14 +85,10 @@ class Membership:
         self.robot = None  # the one that was recognised: four texts of its profile
         self._seals = None  # unless a robot asks for them
         self.description = ""  # what the part says of itself to a robot that asks
-        claim = bytearray()
-        put_text(claim, part.part_number)
-        put_text(claim, part.local_name)
-        claim += part.uid
         self._nonce = random.getrandbits(32)
-        put(claim, "I", self._nonce)
-        self._claim = bytes(claim)
-        once("objects").create(client, self._shared)
+        objects = once("objects")
+        self._claim = objects.claim(part, self._nonce)
+        objects.create(client, self._shared)
 
     # Events.
 
@@ -166,7 +162,7 @@ class Membership:
         elif size == 8:
             number, place, kind, detail = struct.unpack("<IHBB", octets)
             if kind == _DESCRIBE:
-                self._describe()
+                once("versions").describe(self)
             elif kind == _TYPE_DIFFERS and number == self.version:
                 once("type_hash").differs(self.part, place, detail)
             self.part.noticed(kind, number, place, now)
@@ -231,8 +227,6 @@ class Membership:
 
     def _configured(self, version, slot, bindings, settings, now):
         if self.state not in _BEATS:
-            if self.state in _CLAIMS:
-                once("words").tell_help(settings)
             return
         self._heard_at = now
         news = self.state is _S.CONFIGURING or version != self.version
@@ -290,8 +284,6 @@ class Membership:
         self.part.changed(before, state, reason, now)
         if self.state is not state:
             return  # a function of the part has ended it
-        if state is _S.ACTIVE and self.part.nature:
-            self._ask(struct.pack("<IB", self._lease, self.part.nature), RELIABLE)
         if state is _S.ACTIVE:
             once("versions").tell(self, now)
         elif state is _S.CLAIMING:
@@ -305,14 +297,6 @@ class Membership:
     def _send_claim(self, now):
         self.client.write(_REQUESTER, self._claim, RELIABLE)
         self._retry_at = now + (self._retry if self.state is _S.CLAIMING else _REFUSED_RETRY)
-
-    def _describe(self):
-        if self.description and self.state in _CLAIMS + _BEATS:
-            said = bytearray()
-            put_text(said, self.description)
-            if self.state in _CLAIMS:
-                once("words").tell_described()
-            self._ask(bytes(said), RELIABLE)
 
     def _fetch(self, now):
         self._read_replies(RELIABLE)

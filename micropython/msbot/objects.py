@@ -4,7 +4,7 @@ import struct
 
 from micropython import const
 
-from .cdr import put_text
+from .cdr import put, put_text
 from .xrce import ENDLESS, RELIABLE
 
 PARTICIPANT = const(0x0011)
@@ -13,6 +13,16 @@ PUBLISHER = const(0x0013)
 _PROFILE_TOPIC = const(0x0012)
 _PROFILE_READER = const(0x0016)
 _REQUESTER = const(0x0017)
+
+
+def claim(part, nonce):
+    """What a part says about itself when it asks for its place."""
+    said = bytearray()
+    put_text(said, part.part_number)
+    put_text(said, part.local_name)
+    said += part.uid
+    put(said, "I", nonce)
+    return bytes(said)
 
 
 def create(client, shared):

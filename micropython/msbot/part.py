@@ -62,8 +62,6 @@ class Part:
         self.key = None
         if key is not None:
             self.key = once("keys").parse_key(key)
-        self.hardware = self.software = ""  # versions, which the robot shows
-        self.home = "MPy"  # what runs the part (`msbot.part.join.home`)
         self.nature = 0  # what is behind its ports: 1 = hardware, 2 = a model of it; the robot shows it
         self.describes = describes is not False
         self.called = describes if isinstance(describes, str) else self.local_name
@@ -71,7 +69,6 @@ class Part:
         self.slot = ""
         self.settings = {}
         self.stopped = False
-        self.mistake = False  # a mistake of the program has ended it
         self.out_of_range = 0
         self.counters = Counters()
         self.clock = None  # ms; set by the runner of the part, to find functions that are slow

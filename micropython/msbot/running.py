@@ -3,7 +3,7 @@
 import sys
 import time
 
-from .errors import MsbotError, say
+from .errors import MsbotError
 
 _NAP = 1  # ms between two polls of the link
 
@@ -25,7 +25,7 @@ def run(part):
     try:
         link = once("board").open_for(part)
     except MsbotError as error:
-        fail(str(error))
+        once("words").fail(error)
     part.nature = part.nature or 1  # this is a board, so there is hardware
     clock = Clock()
     part.clock = clock.now
@@ -39,24 +39,7 @@ def run(part):
                     time.sleep_ms(max(0, min(due - clock.now(), _NAP)))
         except KeyboardInterrupt:
             part.end()
-    if part.mistake:
-        fail()
-
-
-class ProgramFailed(Exception):
-    """A mistake, which a sentence has told, has ended the program."""
-
-
-def fail(sentence=""):
-    """End the program after a mistake: on a computer with status 2, as there under CPython.
-
-    A board would start anew at SystemExit, and so for ever; for an exception it prints where it was, and is at hand.
-    """
-    if sentence:
-        say("error", sentence)
-    if sys.platform in ("linux", "darwin", "win32"):
-        raise SystemExit(2)
-    raise ProgramFailed("the line above says why")
+    once("words").ended(part)
 
 
 def start(name):
@@ -65,11 +48,11 @@ def start(name):
         with open(name) as file:
             source = once("annotations").with_fields(file.read())
     except OSError:
-        fail("there is no file {} on the board".format(name))
+        once("words").fail(name)
     try:
         exec(compile(source, name, "exec"), {"__name__": "__main__"})
     except MsbotError as error:
-        fail(str(error))
+        once("words").fail(error)
 
 
 class Clock:

@@ -8,6 +8,8 @@ import struct
 from micropython import const
 
 from . import __version__
+from .cdr import put_text
+from .running import once
 from .xrce import RELIABLE
 
 _HARDWARE = const(4)
@@ -21,9 +23,11 @@ _AGAIN = const(100)  # ms
 def tell(membership, now):
     """Say it all; what there is no room for is said a little later."""
     part = membership.part
-    texts = [(_HOME, "{} {}".format(part.home, __version__))]
-    if part.software or part.hardware:
-        texts = [(_SOFTWARE, part.software), (_HARDWARE, part.hardware)] + texts
+    if part.nature:
+        membership._ask(struct.pack("<IB", membership._lease, part.nature), RELIABLE)
+    said = [part.__dict__.get(name, default(name)) for name in ("software", "hardware", "home")]
+    texts = [(_SOFTWARE, said[0]), (_HARDWARE, said[1])] if said[0] or said[1] else []
+    texts.append((_HOME, "{} {}".format(said[2], __version__)))
     pieces = []
     for kind, text in texts:
         octets = text.encode()[:_LONGEST] or b" "
@@ -31,6 +35,21 @@ def tell(membership, now):
             last = 0x80 if at + _PIECE >= len(octets) else 0
             pieces.append((at // _PIECE | kind << 4 | last, octets[at : at + _PIECE]))
     _send(membership, pieces, now)
+
+
+def default(name):
+    """What a part says that has not been told."""
+    return "MPy" if name == "home" else ""
+
+
+def describe(membership):
+    """The robot asks what the part is: it has not been let in, or a person adopts it anew."""
+    if membership.description and membership.state.value in ("claiming", "refused", "configuring", "active"):
+        if not membership._lease:
+            once("words").tell_described()
+        said = bytearray()
+        put_text(said, membership.description)
+        membership._ask(bytes(said), RELIABLE)
 
 
 def _send(membership, pieces, now):

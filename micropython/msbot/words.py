@@ -173,9 +173,35 @@ def failed(part, function, error):
     elif part.configurations > 1:  # it worked with an earlier one: the program is not to blame
         part.report("{}: {}".format(where, error), "since the configuration has changed")
     else:
-        part.mistake = True
+        part._reported.add("mistake")
         part.end()
         say("error", "{}: {}".format(where, error))
+
+
+class ProgramFailed(Exception):
+    """A mistake, which a sentence has told, has ended the program."""
+
+
+def ended(part):
+    """The part has ended; so does its program, if `failed` has told a mistake of it."""
+    if "mistake" in part._reported:
+        _end()
+
+
+def fail(what):
+    """End the program after a mistake: an error, or the name of a file that is not there."""
+    say("error", "there is no file {} on the board".format(what) if isinstance(what, str) else str(what))
+    _end()
+
+
+def _end():
+    """End it on a computer with status 2, as there under CPython.
+
+    A board would start anew at SystemExit, and so for ever; for an exception it prints where it was, and is at hand.
+    """
+    if sys.platform in ("linux", "darwin", "win32"):
+        raise SystemExit(2)
+    raise ProgramFailed("the line above says why")
 
 
 def slow(took, most):

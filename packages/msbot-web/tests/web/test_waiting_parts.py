@@ -12,6 +12,7 @@ from msbot_web.language import languages
 from msbot_web.models.robot_models import ChangeResult
 from msbot_web.pages import wires
 from msbot_web.pages.page import Page
+from msbot_web.pages.slot_dialogs import make_wire
 from msbot_web.pages.waiting_parts import ArrivalsPanel, offer_wires
 from tests.operations.stage import AA_IS_A_DIAL
 from tests.web.rig import Rig, show
@@ -61,16 +62,6 @@ def pressable(place: ui.element) -> dict[str, ui.button]:
     return {button.text: button for button in place.descendants() if isinstance(button, ui.button)}
 
 
-async def press(button: ui.button) -> None:
-    """As a click does, and wait for what it does."""
-    with button:
-        for listener in button._event_listeners.values():
-            if listener.type == "click" and listener.handler is not None:
-                done = listener.handler(None)
-                if done is not None:
-                    await done
-
-
 def test_a_new_part_is_offered_the_wires_that_fit_and_those_for_people(tmp_path: Path) -> None:
     async def scene(rig: Rig) -> None:
         await rig.look(2.0)
@@ -85,12 +76,7 @@ def test_a_new_part_is_offered_the_wires_that_fit_and_those_for_people(tmp_path:
         with Client(nicegui_page("/")) as client:
             page = Page(rig.service, rig.session(Role.TEACHER), languages()["en"])
             offer_wires(page, done)
-        buttons = pressable(client.layout)
-        assert list(buttons) == ["AA.out → BB.in", "AA.echo", "AA.in", "Close"]
-        await press(buttons["AA.echo"])
-        await rig.look(1.0)
-        made = next(line for line in rig.views.topics() if "AA.echo" in line.publishers)
-        assert (made.topic, made.subscribers) == ("echo", [])
+        assert list(pressable(client.layout)) == ["AA.out → BB.in", "AA.echo", "AA.in", "Close"]
 
     show(tmp_path, scene, AA_IS_A_DIAL, parts=("AA=DIAL",))
 
@@ -104,7 +90,8 @@ def test_the_page_wires_offers_each_port_without_one_a_wire_of_its_own(tmp_path:
         page.refresh()
         assert "AA.echo" in pressable(place)
         assert "AA.ask" not in pressable(place), "it calls, and nobody serves"
-        await press(pressable(place)["AA.echo"])
+        with place:
+            await make_wire(page, "AA.echo")
         await rig.look(1.0)
         page.refresh()
         assert "AA.echo" not in pressable(place)

@@ -98,12 +98,10 @@ def test_an_error_of_a_program_names_its_file_and_line(board: SimulatedBoard, tm
 
 @needs_node
 def test_a_part_that_ends_by_a_mistake_says_it_once(board: SimulatedBoard, tmp_path: Path) -> None:
-    status, said = call(
-        "run", program(tmp_path, "from msbot import Part\n\nPart('X').run()\n"), "--source", "--port", board.port
-    )
-    assert status == 1
-    assert said.startswith("this board cannot do serial:1")
-    assert len(said.splitlines()) == 1
+    text = "from msbot import Part\n\nPart('X', key='abc').run()\n"
+    status, said = call("run", program(tmp_path, text), "--source", "--port", board.port)
+    assert (status, len(said.splitlines())) == (1, 1), said
+    assert said.startswith("that is not a key: write 32 hexadecimal digits")
 
 
 @needs_node

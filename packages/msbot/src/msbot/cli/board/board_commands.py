@@ -310,7 +310,7 @@ def _interruptible() -> Iterator[None]:
 
 
 TOLD = "ProgramFailed: the line above says why"
-"""How a traceback ends when the part itself has told its mistake (`running.fail` of `micropython`)."""
+"""How a traceback ends when the part itself has told its mistake (`words.fail` of `micropython`)."""
 _FRAME = re.compile(r'^ *File "(?P<file>[^"]+)", line (?P<line>\d+)', re.MULTILINE)
 
 
