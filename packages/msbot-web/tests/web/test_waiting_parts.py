@@ -10,10 +10,10 @@ from nicegui.page import page as nicegui_page
 from msbot.operations.rights import Role
 from msbot_web.language import languages
 from msbot_web.models.robot_models import ChangeResult
-from msbot_web.pages import wires
+from msbot_web.pages import waiting_parts, wires
 from msbot_web.pages.page import Page
 from msbot_web.pages.slot_dialogs import make_wire
-from msbot_web.pages.waiting_parts import ArrivalsPanel, offer_wires
+from msbot_web.pages.waiting_parts import ArrivalsPanel
 from tests.operations.stage import AA_IS_A_DIAL
 from tests.web.rig import Rig, show
 
@@ -73,10 +73,11 @@ def test_a_new_part_is_offered_the_wires_that_fit_and_those_for_people(tmp_path:
                 "by_hand": [{"topic": "in", "type": "HelloWorld", "from": "", "to": ["AA.in"]}],
             }
         )
-        with Client(nicegui_page("/")) as client:
+        with Client(nicegui_page("/")), ui.element("div") as place:
             page = Page(rig.service, rig.session(Role.TEACHER), languages()["en"])
-            offer_wires(page, done)
-        assert list(pressable(client.layout)) == ["AA.out → BB.in", "AA.echo", "AA.in", "Close"]
+            for offers in (done.offers, done.for_people, done.by_hand):
+                waiting_parts._offers(page, "words", offers)
+        assert list(pressable(place)) == ["AA.out → BB.in", "AA.echo", "AA.in"]
 
     show(tmp_path, scene, AA_IS_A_DIAL, parts=("AA=DIAL",))
 
