@@ -108,6 +108,5 @@ def test_a_board_says_it_in_the_same_words() -> None:
     lines: list[tuple[str, str]] = []
     micro.load("errors").listen(lambda *line: lines.append(line))
     version, slot, bindings, settings = micro.load("configuring").read(help_message("slot AA has AA").encode())
-    assert (version, slot, list(bindings)) == (0, "", [])
-    micro.load("words").tell_help(settings)
+    assert (version, slot, list(bindings), len(settings)) == (0, "", [], 1)
     assert lines == [("info", f"{TOLD}slot AA has AA")]
