@@ -148,6 +148,36 @@ def test_the_lamp_of_the_example_is_at_stop_as_bright_as_its_slot_says() -> None
         assert robot.part._runner.safety.number == 1
 
 
+def _who_may_still_move(robot: Robot) -> tuple[str, ...]:
+    robot.advance(20)
+    silent: tuple[str, ...] = robot._master.stop.silent
+    return silent
+
+
+@pytest.mark.promise("Only a part itself confirms STOP")
+@pytest.mark.parametrize("why", ["the broker is gone", ""])
+def test_a_device_out_of_reach_before_it_has_stopped_stays_named_though_its_part_says_goodbye(why: str) -> None:
+    lamp = Lamp(b"1", lambda _: None)
+    bridged = BridgedPart(lamp)
+    with robot_for(bridged.part) as robot:
+        robot.send("power", Level(percent=40))
+        lamp.answers = False
+        robot.stop()
+        robot.advance(1)
+        robot._in_loop(lambda: bridged.end(why))
+        assert _who_may_still_move(robot) == ("hello:lamp",)
+
+
+def test_a_device_that_has_stopped_need_not_be_named_when_its_part_says_goodbye() -> None:
+    lamp = Lamp(b"1", lambda _: None)
+    bridged = BridgedPart(lamp)
+    with robot_for(bridged.part) as robot:
+        robot.stop()
+        robot.advance(1)
+        robot._in_loop(lambda: bridged.end("the broker is gone"))
+        assert _who_may_still_move(robot) == ()
+
+
 def test_a_cut_cable_makes_it_safe() -> None:
     with lamp_robot() as (lamp, robot):
         robot.send("power", Level(percent=40))

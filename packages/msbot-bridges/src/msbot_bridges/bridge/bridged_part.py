@@ -156,6 +156,8 @@ class BridgedPart:
         """End the part; `why` is what its robot shows."""
         self._is_over.set()
         self._changed.set()
+        if not why and self.part.stopped:
+            why = self.device.not_stopped
         if why:
             self.part.trouble(why)
         self.part.end()

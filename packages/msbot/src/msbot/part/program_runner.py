@@ -362,6 +362,8 @@ class ProgramRunner:
     def end(self) -> None:
         """End `run` cleanly (`Part.end`)."""
         if self._membership is not None:
+            if self.safety.is_unsafe and not self._membership.has_trouble:
+                self.say_trouble("it has ended while STOP holds, and has not been made safe")
             self._membership.leave("ended")
 
     def _tell(self, when: When) -> None:

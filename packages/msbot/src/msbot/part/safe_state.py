@@ -107,6 +107,11 @@ class Safety:
         return self._told if self._is_safe and self.stopped else 0
 
     @property
+    def is_unsafe(self) -> bool:
+        """STOP holds, and a function that makes the part safe has failed."""
+        return self.stopped and not self._is_safe
+
+    @property
     def beats(self) -> tuple[int, ...]:
         """What the part's beats say of STOP, one after the other; empty: nothing.
 

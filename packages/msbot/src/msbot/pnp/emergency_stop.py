@@ -12,7 +12,7 @@ they do not obey a STOP that they know to be over.
 Every part that holds a slot when STOP is said, or gets one while it holds, is asked to confirm; only a beat that
 carries the number does so (`msbot.part.join.pnp_messages.StoppedBeat`). A part that falls silent, or whose slot
 somebody takes away, stays among those that have not confirmed: what it drives may still move. A part that says goodbye
-has set its ports to their safe values by itself.
+has set its ports to their safe values by itself, unless it has said that something is wrong with its hardware.
 
 Parts say STOP as well, by such a beat: with 0, or with a number that was never counted to here; this robot then has a
 STOP of that part. It was said where no master heard it, or before a master could store it. With a number that is over,
@@ -224,7 +224,8 @@ class EmergencyStop:
         self._sayers.pop(identity, None)
 
     def lose_slot(self, identity: bytes) -> None:
-        """Somebody has taken a part's slot away: if it has not confirmed, what it drives may still move."""
+        """Somebody has taken a part's slot away, or it has left and said that its hardware has trouble: if it has not
+        confirmed, what it drives may still move."""
         self._confirmed.pop(identity, None)
         self._sayers.pop(identity, None)
 

@@ -196,6 +196,7 @@ class InventoryRecord:
             client_key=self.client_key,
             address=self.address,
             identity=self.identity,
+            trouble=self.trouble,
         )
 
     def succeed(self, old: InventoryRecord) -> None:

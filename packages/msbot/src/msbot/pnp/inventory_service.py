@@ -299,6 +299,8 @@ class InventoryService:
         if event.to_state is PartState.ACTIVE:
             if event.from_state is not PartState.LATE:
                 self.stop.begin_anew(identity, event.part, asyncio.get_running_loop().time())
+        elif event.to_state is PartState.LEFT and event.trouble:
+            self.stop.lose_slot(identity)  # a bridge whose device is out of reach says goodbye, too
         elif event.to_state is PartState.LEFT:
             self.stop.part_left(identity)
         elif event.to_state in (PartState.STANDBY, PartState.REFUSED):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import field
 from enum import Enum
 
 from msbot_agent.text.sentence import said
@@ -58,6 +59,8 @@ class PartEvent:
     """The peer in words."""
     identity: bytes = b""
     """Who the part is: `identity_of` its claim; empty before it has claimed."""
+    trouble: str = field(default="", compare=False)
+    """What it has said is wrong with its hardware; not stored."""
 
     def sentences(self) -> list[str]:
         """The event in plain words: one sentence, then one indented line for each piece of evidence."""

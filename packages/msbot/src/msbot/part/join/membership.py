@@ -188,6 +188,11 @@ class Membership:
             self._leaving = asyncio.get_running_loop().call_later(TELL_S, self._go)
 
     @property
+    def has_trouble(self) -> bool:
+        """Whether it has said in this session that something is wrong with its hardware."""
+        return self._has_trouble
+
+    @property
     def trouble_heard(self) -> bool:
         """After the end: whether the robot has heard what `say_trouble` said."""
         return self._has_trouble and not self._unsaid and self.client.was_heard
