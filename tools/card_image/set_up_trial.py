@@ -99,11 +99,19 @@ class SetUpTrial:
         seconds = self.robot.wait_for_page()
         self._shell.open()
         self._saw("the first start, with a set-up file", f"the page after {seconds:.0f} s")
+        mistakes = []
         for step in (self._name, self._person, self._secrets, self._hat_and_i2c, self._usb, self._can, self._wifi):
-            step()
+            try:
+                step()
+            except (ImageError, TimeoutError) as error:  # a start takes minutes: the other steps are tried all the same
+                self.machine.need_on()
+                mistakes.append(str(error))
+                say(mistakes[-1])
         self._shell.run("sync")
         self.machine.cut_power()
         self._nothing_on_the_card()
+        if mistakes:
+            raise ImageError("\n".join(mistakes))
         return ["| what | seen |", "|---|---|", *self._rows]
 
     def _saw(self, what: str, seen: str) -> None:
