@@ -42,3 +42,4 @@ def test_prometheus_asks_where_the_robot_serves_its_figures() -> None:
     port = target.rpartition(":")[2]
     assert f"--metrics {port}" in " ".join(SERVICES["robot"]["command"])
     assert SERVICES["prometheus"]["network_mode"] == "service:robot"
+    assert SERVICES["prometheus"]["depends_on"] == ["robot"]
