@@ -344,9 +344,11 @@ def why_command(part: str, last: int, db: str | None, robot: str | None, *, as_j
     master = running_master(db, robot)
     lines: list[str] = []
     troubles: list[str] = []
+    runs: list[str] = []
     if master is not None:
         found = perform(db, robot, "why", {"part": part})
         lines, troubles = _texts(found["lines"]), _texts(found["troubles"])
+        runs = _texts(found.get("runs", []))  # an older master does not say it
         if db is None and not is_there(database_here()):
             db = master.details.get("database")
     try:
@@ -375,7 +377,7 @@ def why_command(part: str, last: int, db: str | None, robot: str | None, *, as_j
             click.echo(for_terminal(line))
     if lines:
         click.echo(for_terminal(f"now: {lines[0]}"))
-    for line in troubles:
+    for line in (*runs, *troubles):
         click.echo(for_terminal(f"now: {line}"))
 
 

@@ -309,7 +309,7 @@ class DescribedPartAdoption:
         made = replace(described.part_type, origin=origin, source=old.source)
         wider = others.with_type(made, described.messages)
         try:
-            done = await self._applying.put_in_force(await self._applying.present(), wider, who=who)
+            await self._applying.put_in_force(await self._applying.present(), wider, who=who)
         except MsbotError:
             if path is not None and before is not None:
                 await self._in_thread(partial(path.write_text, before, "utf-8"))
@@ -322,7 +322,7 @@ class DescribedPartAdoption:
                 lost=joined(", ", [one.words for one in lost]),
             )
         answer: dict[str, object] = {"slot": slot, "lost": [{"topic": one.topic, "port": str(one.end)} for one in lost]}
-        return Outcome(words, done.edit_id, answer | await self._wires_to_make(slot, wider))
+        return Outcome(words, answer=answer | await self._wires_to_make(slot, wider))  # undo brings no type back
 
     def _file_of(self, part_type: PartType) -> Path | None:
         """The library file of a type that was adopted; None: it has none."""

@@ -13,7 +13,7 @@ from msbot.operations.operation import Outcome
 from msbot.operations.part_names import describe
 from msbot.operations.running_robot import RunningRobot
 from msbot.part.join.part_log import LogLevel
-from msbot.pnp import PartInfo
+from msbot.pnp import PartInfo, runs_in_words
 from msbot_agent.text.sentence import Sentence, joined, said
 from msbot_xrce.errors import ConfigError, RegistryError
 
@@ -157,7 +157,8 @@ class PartQueries:
         master = self._running.master
         # The journal has the errors that its program logged.
         troubles = [*master.troubles(part), *master.program_lines(part, LogLevel.WARNING)]
-        return Outcome(answer={"lines": master.why(part) if is_known else [], "troubles": troubles})
+        runs = [words for info in is_known if (words := runs_in_words(info.home, info.msbot))]
+        return Outcome(answer={"lines": master.why(part) if is_known else [], "runs": runs, "troubles": troubles})
 
     def ignore(self, part: str, who: str) -> Outcome:
         """Hide a part that is not let in from the list of arrivals, until the master ends."""

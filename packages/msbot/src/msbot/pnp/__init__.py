@@ -20,7 +20,7 @@ if TYPE_CHECKING:
         value_words,
     )
     from msbot.pnp.inventory import Inventory
-    from msbot.pnp.inventory_record import versions_in_words
+    from msbot.pnp.inventory_record import runs_in_words, versions_in_words
     from msbot.pnp.inventory_service import InventoryService
     from msbot.pnp.key_proof import Keys
     from msbot.pnp.life_status import TRANSITIONS
@@ -74,7 +74,7 @@ _NAMES = {
         "HeldPort",
     ),
     "msbot.pnp.inventory": ("Inventory",),
-    "msbot.pnp.inventory_record": ("versions_in_words",),
+    "msbot.pnp.inventory_record": ("runs_in_words", "versions_in_words"),
     "msbot.pnp.key_proof": ("Keys",),
     "msbot.pnp.life_status": ("TRANSITIONS",),
     "msbot.pnp.load_forecast": (
@@ -174,6 +174,7 @@ __all__ = [
     "came_in_32_bits",
     "forecast",
     "message_words",
+    "runs_in_words",
     "value_words",
     "versions_in_words",
 ]

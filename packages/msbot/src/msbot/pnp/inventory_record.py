@@ -308,8 +308,8 @@ class InventoryRecord:
     def sentences(self, now: float) -> list[str]:
         """The part's state and the chain of changes that led to it, oldest first."""
         lines: list[str] = [said("{words}: {reason}", words=self._headline(now), reason=self.reason)]
-        if self.home.home is not None:
-            lines.append(said(_RUNS[self.home.home], version=self.home.version or said("not known")))
+        if runs := runs_in_words(self.home.label, self.home.version):
+            lines.append(runs)
         if self.duplicates:
             addresses = ", ".join(self.duplicates)
             lines.append(said("The same UID was shown, and refused, at {addresses}.", addresses=addresses))
@@ -338,6 +338,12 @@ class InventoryRecord:
                 "{words} in slot {slot}, life {life}, last beat less than {beat_s:g} s ago", **known, beat_s=beat_s
             )
         return said("{words} in slot {slot}, life {life}, last beat {silence:.1f} s ago", **known, silence=silence)
+
+
+def runs_in_words(home: str, version: str) -> Sentence | None:
+    """Where a part runs, by the label of its home, and with which version of MsBOT; None: it has not said."""
+    form = next((form for one, form in _RUNS.items() if one.label == home), None)
+    return None if form is None else said(form, version=version or said("not known"))
 
 
 def versions_in_words(hardware: str, software: str) -> str:
