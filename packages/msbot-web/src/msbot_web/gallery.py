@@ -128,13 +128,18 @@ class Gallery:
             found.append(said("the mission that runs ends without a result"))
         if stays:
             return found
-        if strangers := self._strangers():
-            found.append(
-                said("programs and parts of people stop: {parts}; their texts are kept", parts=joined(", ", strangers))
-            )
+        if stop := self.who_stops():
+            found.append(stop)
         if self._operations.stopping.status.stopped:
             found.append(said("STOP holds, and goes on to hold at the other robot until somebody says GO"))
         return found
+
+    def who_stops(self) -> str:
+        """Whose programs and parts stop when the robot gets other slots, a sentence; empty: nobody's."""
+        strangers = self._strangers()
+        if not strangers:
+            return ""
+        return said("programs and parts of people stop: {parts}; their texts are kept", parts=joined(", ", strangers))
 
     async def change(
         self, session: Session, choice: DemoChoice, lesson: str = "", *, agreed: bool = False

@@ -128,6 +128,10 @@ class LessonsView:
             raise ConfigError(said("this robot runs without lessons"))
         return self._desk.shelf.get(name)
 
+    async def has_other_slots(self, lesson: str) -> bool:
+        """See `LessonController.has_other_slots`."""
+        return self._desk is not None and await self._desk.has_other_slots(lesson)
+
     def is_missing(self, lesson: Lesson, language: str) -> bool:
         """See `LessonCatalog.is_missing`."""
         return self._desk is not None and self._desk.shelf.is_missing(lesson, language)

@@ -143,6 +143,14 @@ class LessonController:
         finally:
             self._is_busy = False
 
+    async def has_other_slots(self, lesson: str) -> bool:
+        """Whether the robot changes its slots or wires when that lesson begins.
+
+        Raises:
+            ConfigError: there is no such lesson, or its blueprint is wrong.
+        """
+        return await self._blueprint(self.shelf.get(lesson)) is not None
+
     async def end(self, who: str) -> str:
         """See `LessonControl`.
 

@@ -144,7 +144,7 @@ async def change(page: Page, choice: DemoChoice, lesson: str = "") -> None:
     with page_dialog(page).props("no-backdrop-dismiss") as dialog, ui.card():
         ui.label(page.translate("Another robot in this one's place?")).props("role=heading aria-level=2")
         for words in ends:
-            ui.label(_sentence(page.translate(words)))
+            ui.label(as_sentence(page.translate(words)))
 
         async def agree() -> None:
             dialog.close()
@@ -172,7 +172,8 @@ async def _change(page: Page, choice: DemoChoice, lesson: str, *, agreed: bool) 
                 ui.navigate.to(path)
 
 
-def _sentence(words: str) -> str:
+def as_sentence(words: str) -> str:
+    """Words that begin small and end without a full stop, as a sentence of its own."""
     return f"{words[:1].upper()}{words[1:]}."
 
 

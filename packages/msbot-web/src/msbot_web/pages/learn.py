@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from functools import partial
 from typing import Final
 
@@ -13,11 +14,12 @@ from msbot_school.lessons.lesson import Lesson
 from msbot_school.lessons.progress import LessonProgress, csv_of
 from msbot_web.html import render
 from msbot_web.pages.easy_reading import read_easily
+from msbot_web.pages.gallery import as_sentence
 from msbot_web.pages.hand_ins import HAND_INS, HandInList
 from msbot_web.pages.layout import BUILD_S, page_frame
 from msbot_web.pages.lesson_view import LessonView
 from msbot_web.pages.page import Page
-from msbot_web.pages.page_elements import heading, panel
+from msbot_web.pages.page_elements import ask_first, heading, panel
 from msbot_web.service import Service
 from msbot_xrce.errors import MsbotError
 
@@ -126,7 +128,18 @@ class _LessonList:
                     ui.label(say(words)).classes("ms-banner warn").style("white-space:pre-wrap")
 
     async def _begin(self, lesson: Lesson) -> None:
-        await self._page.act("start_lesson", lesson=lesson.name)
+        """Begin at once where nobody's program stops by it, else when the person has read whose do."""
+        page, service = self._page, self._page.service
+        begin = partial(page.act, "start_lesson", lesson=lesson.name)
+        stops = ""
+        with suppress(MsbotError):  # what is wrong with the lesson is said when it is begun
+            stops = service.gallery.who_stops() if await service.learning.has_other_slots(lesson.name) else ""
+        with page.in_page():
+            if not stops:
+                await begin()
+                return
+            question = page.translate("Begin the lesson? The robot has its slots until it ends.")
+            ask_first(page, f"{question} {as_sentence(page.translate(stops))}", begin)
 
 
 class _Progress:

@@ -39,7 +39,8 @@ def notify_lost(page: Page) -> None:
         now = asyncio.get_running_loop().time()
         lost = lost_slots(page.service.robot())
         for name in sorted(set(told) - lost):
-            told.pop(name).dismiss()
+            if not (shown := told.pop(name)).is_deleted:  # its time is over, or somebody has closed it
+                shown.dismiss()
         for name in sorted(lost - known) if known is not None else ():
             if len(told_at) == MOST_TOLD and now - told_at[0] < TOLD_S:
                 break
