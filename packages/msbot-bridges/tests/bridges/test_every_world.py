@@ -92,7 +92,7 @@ async def robot_with(folder: Path, bridges: Sequence[BridgeTable], more: str = "
         finally:
             for task in tasks[1:]:
                 task.cancel()
-            await asyncio.wait(tasks[1:])
+            await asyncio.gather(*tasks[1:], return_exceptions=True)
             tasks[0].cancel()
             await asyncio.wait(tasks[:1])
 

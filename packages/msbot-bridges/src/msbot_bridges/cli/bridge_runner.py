@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import logging
 from collections.abc import Callable, Coroutine, Mapping, Sequence
 from contextlib import AbstractAsyncContextManager, nullcontext
 from typing import Final
@@ -19,6 +20,7 @@ from msbot_bridges.canbus import OnBus, check_one_bus, held_bus, robot_on_bus
 from msbot_bridges.cli.device_process import DeviceProcess
 from msbot_xrce.errors import ConfigError, LinkDown, MsbotError
 
+_log = logging.getLogger("msbot.bridges")
 AGAIN_S: Final = 5.0
 """Time after which a network that has ended is tried again."""
 Work = Coroutine[object, object, None]
@@ -169,4 +171,9 @@ async def _run_bridge(
             await bridge.run()
         except LinkDown as error:
             say(f"bridge for {table.world}: {error}; tried again in {AGAIN_S:g} s")
+        except ConfigError:
+            raise
+        except Exception as error:  # a mistake in a world or in its library; the robot has other parts
+            _log.exception("bridge for %s", table.world)
+            say(f"bridge for {table.world}: {type(error).__name__}: {error}; tried again in {AGAIN_S:g} s")
         await asyncio.sleep(AGAIN_S)
