@@ -5,6 +5,8 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
+import os
+import shutil
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Protocol
@@ -17,6 +19,8 @@ from msbot.pnp import PartInfo, runs_in_words
 from msbot_agent.text.sentence import Sentence, joined, said
 from msbot_xrce.errors import ConfigError, RegistryError
 
+_LEAST_ROOM = 1 << 20
+"""With fewer octets on its disk, no recording is begun: it would end at once."""
 MOST_NAMES = 30
 """So many topics are named in a sentence."""
 
@@ -87,13 +91,25 @@ def _check_new(path: Path) -> None:
     Raises:
         ConfigError: the text says what would be right.
     """
-    file = str(path)
+    file, folder = str(path), str(path.parent)
     if not path.is_absolute():
         raise ConfigError(said("{file}: the file is named with its whole path", file=file))
-    if not path.parent.is_dir():
-        raise ConfigError(said("{file}: there is no folder {folder}", file=file, folder=str(path.parent)))
-    if path.exists():
+    try:
+        is_folder, is_there = path.parent.is_dir(), path.exists()
+    except PermissionError:  # a folder above it is closed
+        raise ConfigError(_not_writable(file, folder)) from None
+    if not is_folder:
+        raise ConfigError(said("{file}: there is no folder {folder}", file=file, folder=folder))
+    if is_there:
         raise ConfigError(said("{file} is there already: give the recording another name", file=file))
+    if not os.access(folder, os.W_OK):
+        raise ConfigError(_not_writable(file, folder))
+    if shutil.disk_usage(folder).free < _LEAST_ROOM:
+        raise ConfigError(said("{file}: the disk of {folder} is full; delete something", file=file, folder=folder))
+
+
+def _not_writable(file: str, folder: str) -> Sentence:
+    return said("{file}: the user of the master may not write into {folder}", file=file, folder=folder)
 
 
 def _in_words(file: str, left_out: Sequence[str] | None) -> Sentence:

@@ -93,6 +93,8 @@ def command(
     It is simulated unless an option says how it is wired: `msbot part HC-SR04 --pins trigger=23,echo=24`, `msbot part
     BMP280 --i2c 1:0x76`. While a simulated part runs, type CONTROL=VALUE to operate it, for example press=true at a
     BUTTON; `msbot library show NUMBER` lists controls, wires and options.
+
+    AA, BB and CC join only a robot of the name MSBOT_MASTER; their part numbers, ABCD, EFGH and WXYZ, join any robot.
     """
     is_wired = real or options or any(text is not None for text in (pins, i2c, adc, device))
     if is_wired and simulate:
