@@ -169,6 +169,23 @@ def test_a_part_that_fits_several_slots_is_adopted_into_the_one_a_person_names(t
     play(tmp_path, scene, two_of_a_kind, parts=("AA=ABCD", "XX=EFGH"))
 
 
+def test_a_part_of_a_known_kind_without_a_slot_is_told_how_to_get_one(tmp_path: Path) -> None:
+    async def scene(stage: Stage) -> None:
+        assert await stage.refusal(stage.do.adopt("XX", who="ann")) == (
+            "the robot has no slot for BUTTON: `msbot slot add NAME BUTTON` makes one; to let it into one of another "
+            "kind, `msbot adopt --window 60`, then `msbot adopt XX --slot SLOT`"
+        )
+        await stage.do.window(60, who="ann")
+        assert await stage.refusal(stage.do.adopt("XX", who="ann")) == (
+            "XX could go into BB, CC: say which one with --slot"
+        )
+        await stage.do.adopt("XX", "CC", who="ann")
+        await asyncio.sleep(1.0)
+        assert stage.slot("XX") == "CC"
+
+    play(tmp_path, scene, parts=("AA=ABCD", "XX=BUTTON"))
+
+
 def test_a_stranger_needs_the_window_and_is_known_from_then_on(tmp_path: Path) -> None:
     async def scene(stage: Stage) -> None:
         assert stage.state("XX") == "refused"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import os
 import shutil
 from collections import namedtuple
 from collections.abc import Mapping, Sequence
@@ -66,7 +67,7 @@ def test_a_full_disk(free: int, recorder: Recorder, tmp_path: Path, monkeypatch:
 def test_a_folder_that_is_closed(recorder: Recorder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     file = tmp_path / "x.mcap"
     refused = f"{file}: the user of the master may not write into {tmp_path}"
-    monkeypatch.setattr(operations.os, "access", lambda _path, _mode: False)
+    monkeypatch.setattr(os, "access", lambda _path, _mode: False)
     assert begin(recorder, file) == refused
 
     def closed(_path: Path) -> bool:

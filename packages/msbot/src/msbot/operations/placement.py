@@ -390,6 +390,15 @@ class Placement:
                     part=info.part,
                 )
             )
+        if self.window_s <= 0 and not self._inventory.slots.slots_for(info.part_number):
+            raise ConfigError(
+                said(
+                    "the robot has no slot for {number}: `msbot slot add NAME {number}` makes one; to let it into one "
+                    "of another kind, `msbot adopt --window 60`, then `msbot adopt {part} --slot SLOT`",
+                    number=info.part_number,
+                    part=info.part,
+                )
+            )
         fitting = self._inventory.slots.free_slots(info.part_number) or self._inventory.slots.free_slots()
         if len(fitting) == 1:
             return fitting[0]
