@@ -22,11 +22,13 @@ from fuzz.mutate import mutate_case
 POOL = 400
 """Cases kept for mutation."""
 HANG_S = 20.0
-"""Real seconds after which a case counts as one that never ends; one takes a few milliseconds."""
+"""Seconds of processor time after which a case counts as one that never ends; one takes a few milliseconds."""
+REAL_SHARE = 15
+"""So many times longer a case may take by the clock."""
 SMALLER_TRIES = 600
 """Runs spent on making one finding small."""
 SMALLER_S = 60.0
-"""Real seconds spent on that: each run of a case that never ends takes `HANG_S`."""
+"""Real seconds spent on that: each run of a case that never ends takes `HANG_S` or more."""
 
 
 class Hang(BaseException):
@@ -149,7 +151,10 @@ def smaller(target: Target, finding: Finding, tries: int = SMALLER_TRIES) -> Fin
 
 @contextmanager
 def time_limit(seconds: float) -> Iterator[None]:
-    """Raise Hang in what runs longer; does nothing where there are no signals (Windows)."""
+    """Raise Hang in what takes more processor time; does nothing where there are no signals (Windows).
+
+    Real time says nothing on a busy computer; it has a limit as well, for what waits without end.
+    """
     if not hasattr(signal, "setitimer"):
         yield
         return
@@ -157,14 +162,20 @@ def time_limit(seconds: float) -> Iterator[None]:
     def rang(_number: int, _frame: FrameType | None) -> None:
         raise Hang(f"more than {seconds} s")
 
-    before = signal.signal(signal.SIGALRM, rang)
-    # Again and again: a loop's exception handler may swallow the first one.
-    signal.setitimer(signal.ITIMER_REAL, seconds, 1.0)
+    timers = (
+        (signal.SIGPROF, signal.ITIMER_PROF, seconds),
+        (signal.SIGALRM, signal.ITIMER_REAL, seconds * REAL_SHARE),
+    )
+    before = [signal.signal(number, rang) for number, _, _ in timers]
+    for _, timer, limit in timers:
+        # Again and again: a loop's exception handler may swallow the first one.
+        signal.setitimer(timer, limit, 1.0)
     try:
         yield
     finally:
-        signal.setitimer(signal.ITIMER_REAL, 0)
-        signal.signal(signal.SIGALRM, before)
+        for (number, timer, _), handler in zip(timers, before, strict=True):
+            signal.setitimer(timer, 0)
+            signal.signal(number, handler)
 
 
 def _note(target: Target, finding: Finding, report: Report, folder: Path) -> None:

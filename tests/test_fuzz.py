@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import sqlite3
+import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import closing, suppress
 from pathlib import Path
@@ -239,3 +240,8 @@ def test_an_error_inside_of_a_group_is_named(tmp_path: Path) -> None:
     _, finding = run_case(Grouped(), ())
     assert finding is not None
     assert finding.signature == "ValueError in ?: one of #"
+
+
+def test_a_case_that_only_waits_for_the_processor_does_not_count_as_endless() -> None:
+    with time_limit(0.05):
+        time.sleep(0.2)
