@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import random
+import re
 import threading
 import time
 from collections.abc import Callable
@@ -21,7 +22,7 @@ HOLDING = (1, 64)
 """Sectors that are written and not flushed then: from, to. A change of the database has about 30."""
 MOST_TOKENS = 40
 """Of a cut: a person has 50 at most."""
-DISK_IS_SLOW = "does not answer: try again in a moment"
+DISK_IS_SLOW = re.compile(r"does not answer: try again in a moment|has not answered for \d+ s")
 """What the page says when the disk answers late: the change may have been made, or not, as one on its way."""
 MOMENT_S = 60.0
 """How long such a moment may take to come; then the cut comes at any."""
@@ -90,7 +91,7 @@ class Changes:
             except httpx.HTTPError:
                 return
             except ImageError as error:
-                if DISK_IS_SLOW in str(error):
+                if DISK_IS_SLOW.search(str(error)):
                     continue
                 self.refused = str(error)
                 return
@@ -142,7 +143,7 @@ class Changes:
         try:
             self._robot.ask("DELETE", f"/api/users/{NAME}/tokens/{token}")
         except ImageError as error:
-            if DISK_IS_SLOW not in str(error):
+            if not DISK_IS_SLOW.search(str(error)):
                 raise
             # It was on its way, and may have been made; at the next time it is seen.
 
