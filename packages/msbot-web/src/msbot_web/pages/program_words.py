@@ -108,6 +108,7 @@ def program_words(say: Callable[[str], str]) -> dict[str, object]:
         "unwired": say("not wired in this robot"),
         "stopped": say("STOP holds: messages do not reach the program"),
         "adopt": say("Under Arrivals a teacher can let {number} in."),
+        "waits": say("It waits until the part in such a slot ends, or a teacher gives it a slot under Arrivals."),
         "describes": say("It tells the robot what it is: a teacher can adopt it."),
         "line": say("line {number}"),
         "block": say("the block"),

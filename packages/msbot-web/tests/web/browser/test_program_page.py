@@ -449,3 +449,15 @@ def test_the_ready_programs_of_a_phone_reach_the_robot(open_desk: Callable[..., 
     expect_state(page, "refused")  # the sample robot has no slot for it
     expect(page.locator("#ms-prog-reason")).to_contain_text("Under Arrivals a teacher can let")
     assert page.locator(".ms-said-error").count() == 0
+
+
+def test_a_second_program_for_a_slot_is_told_that_it_waits(open_desk: Callable[..., Page]) -> None:
+    first, second = open_desk("?name=01_hello.py"), open_desk("?name=01_hello.py", elsewhere=True)
+    press(first, "Run")
+    expect_state(first, "active")
+    press(second, "Run")
+    expect_state(second, "standby")
+    expect(second.locator("#ms-prog-reason")).to_contain_text("It waits until the part in such a slot ends")
+    press(first, "Stop")
+    expect_state(second, "active")
+    press(second, "Stop")

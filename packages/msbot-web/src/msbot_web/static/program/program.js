@@ -77,7 +77,7 @@ const msbotProgram = (() => {
     if (isStuck) return;
     if (!seen.state) return;
     const reason = (held ? held + ". " : "") + (seen.slot ? say("slot", { slot: seen.slot }) + ". " : "") + (seen.stopped ? say("stopped") + ". " : "") +
-      (seen.state === "refused" ? `${told(seen.reason)}. ${say(seen.describes ? "describes" : "adopt", { number: seen.number })}`
+      (seen.state === "refused" ? `${told(seen.reason)}. ${say(seen.describes ? "describes" : seen.reason === words().no_slot ? "waits" : "adopt", { number: seen.number })}`
         : seen.slot ? "" : told(seen.reason));
     showAdopt(seen.state === "refused", seen.describes);
     // What a refused part calls a full robot is, for people, a spare that waits.
