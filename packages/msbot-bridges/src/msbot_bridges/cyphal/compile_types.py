@@ -12,6 +12,7 @@ def main(folder: str) -> int:
     """Compile."""
     from msbot_bridges.cyphal.data_types import compile_types
 
+    os.umask(0o077)  # these modules are imported: nobody else may put any there
     os.environ["PYCYPHAL_NO_IMPORT_HOOK"] = "1"
     logging.disable(logging.WARNING)
     compile_types(Path(folder))
