@@ -14,6 +14,7 @@ from unittest import mock
 
 from msbot.config import load_blueprint, load_library, write_sample
 from msbot.operations.dispatch import InProcessOperations
+from msbot.operations.stand_ins import StandIns
 from msbot.part import Part
 from msbot.process.virtual_time import run_virtual
 from msbot.registry import Registry, open_registry
@@ -54,6 +55,8 @@ class LessonStage:
     living: RunningArena | None = None
     """The world that the robot is in."""
     programs: list[asyncio.Task[None]] = field(default_factory=list)
+    parts: DemoRobot | StandIns = field(init=False)
+    """The simulated parts, as the cards have them."""
 
     async def do(self, operation: str, who: str = "Ada", **arguments: object) -> str:
         """What the person is told."""
@@ -79,7 +82,7 @@ class LessonStage:
 
     def turn(self, slot: str, control: str, value: float | bool) -> None:
         """Do something to a simulated part."""
-        unit = self.robot.simulated(slot)
+        unit = self.parts.simulated(slot)
         assert unit is not None
         unit.set(control, value)
 
@@ -121,7 +124,7 @@ def lesson_scene(
     world: str = "",
     has_parts: bool = True,
 ) -> None:
-    """Run a sample robot, with all its parts or with none, in a world or in none, and its lesson desk."""
+    """Run a sample robot, with all its parts or without hardware, in a world or in none, and its lesson desk."""
 
     async def main() -> None:
         path = folder / "robot.toml"
@@ -139,7 +142,8 @@ def lesson_scene(
             operations = InProcessOperations(robot.master, registry, record, library=library)
             lab = FaultLab(operations, parts=robot, bus=robot.bus_driver)
             parts = robot if has_parts else None
-            desk = LessonController(operations, LessonCatalog(folders), parts=parts, bus=robot.bus_driver, world=world)
+            bus = robot.bus_driver if has_parts else None  # a robot without hardware is not on a simulated bus
+            desk = LessonController(operations, LessonCatalog(folders), parts=parts, bus=bus, world=world)
             hub = InprocHub()
             hub.server.info = LinkInfo("students", hub.server.info.mtu)
             robot.master.add_link(hub.server)
@@ -148,6 +152,7 @@ def lesson_scene(
                 await robot.master.ready.wait()
                 await asyncio.sleep(3)
                 stage = LessonStage(robot, operations, desk, registry, hub, tasks, living)
+                stage.parts = robot if has_parts else operations.stand_ins
                 await scene(stage)
                 for task in (*running[1:], *stage.programs):
                     task.cancel()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass
 from math import hypot
 from pathlib import Path
@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from msbot_school.lessons.catalog import LessonCatalog
+from msbot_school.lessons.lesson import Lesson
 from tests import ROOT
 from tests.lessons.lesson_stage import LessonStage, blocks_of_the_handbook, lesson_scene
 
@@ -43,14 +44,14 @@ async def nothing(stage: LessonStage) -> None:
 
 def plug(slot: str) -> Callable[[LessonStage], Awaitable[None]]:
     async def do(stage: LessonStage) -> None:
-        stage.robot.plug(slot)
+        stage.parts.plug(slot)
 
     return do
 
 
 def unplug(slot: str) -> Callable[[LessonStage], Awaitable[None]]:
     async def do(stage: LessonStage) -> None:
-        stage.robot.unplug(slot)
+        stage.parts.unplug(slot)
 
     return do
 
@@ -253,70 +254,88 @@ def test_a_lesson_is_done_from_beginning_to_end_and_put_back(name: str, deeds: d
     lesson = LessonCatalog().get(name)
 
     async def scene(stage: LessonStage) -> None:
-        blueprint = await stage.operations.applying.present()
-        plugged = {slot: stage.robot.is_plugged(slot) for slot in stage.robot.names}
-        await stage.do("start_lesson", lesson=name)
-        expected: list[str] = []
-        for check in lesson.checks:
-            early = [name for name in await stage.ticked() if name > f"{check.name.split('.')[0]}.99"]
-            assert not early, "the checks of a step tick after those of the steps before"
-            if check.question is not None:
-                assert await stage.refused("answer_lesson", check=check.name, answer="wrong")
-                await stage.do("answer_lesson", check=check.name, answer=check.question.right[0])
-            else:
-                deed = deeds[check.name]
-                if deed.wrong is not None:
-                    await deed.wrong(stage)
-                    await asyncio.sleep(WRONG_S + check.for_s)
-                    assert check.name not in await stage.ticked(), f"{check.name} ticks for the wrong solution"
-                elif deed.right is not nothing:
-                    await asyncio.sleep(WRONG_S + check.for_s)
-                    assert check.name not in await stage.ticked(), f"{check.name} ticks by itself"
-                await deed.right(stage)
-                await until_ticked(stage, check.name)
-            expected.append(check.name)
-        assert (await stage.seen())["done"] is True
-        said = await stage.do("stop_lesson")
-        assert said == f"the lesson {lesson.title!r} is over; everything is as it was before"
-        assert await stage.operations.applying.present() == blueprint
-        assert {slot: stage.robot.is_plugged(slot) for slot in stage.robot.names} == plugged | {
-            slot: stage.robot.is_plugged(slot) for slot in plugged if slot not in lesson.unplugged
-        }
-        assert await stage.operations.undoing.read(1000)
-        await asyncio.sleep(1.0)  # this clock stands still until what was begun in threads is done
-        assert stage.registry.storage.flush(60.0)
-        kept = [tick.check for tick in stage.registry.lesson_ticks.all() if tick.person == "Ada"]
-        assert sorted(kept) == ["", *expected]
+        await all_done(stage, lesson, deeds)
 
     lesson_scene(tmp_path, scene, sample=lesson.robot, world=lesson.world)
 
 
-def test_a_robot_without_hardware_gets_the_part_that_a_lesson_has_pulled_out(tmp_path: Path) -> None:
+NOT_WITHOUT_HARDWARE = {
+    "bits_on_the_bus": "needs a robot on a simulated bus, whose load is known: ",
+    "closing_the_loop": "needs a robot in the world line: ",
+}
+"""What is said before such a lesson begins at a class's robot without hardware."""
+
+
+@pytest.mark.parametrize("name", sorted(SOLVED))
+def test_a_lesson_at_a_class_s_robot_without_hardware(name: str, tmp_path: Path) -> None:
+    lesson = LessonCatalog().get(name)
+
     async def scene(stage: LessonStage) -> None:
-        stand_ins = stage.operations.stand_ins
-        await stage.do("start_lesson", lesson="first_part")
-        assert {slot for slot in stand_ins.names if not stand_ins.is_plugged(slot)} == {"knob"}
-        await until_ticked(stage, "1.1")
-        await stage.do("answer_lesson", check="1.2", answer="10")
-        stand_ins.plug("knob")  # what the card's button does
-        await until_ticked(stage, "2.1")
-        for value in (5.0, 95.0, 0.0):
-            unit = stand_ins.simulated("knob")
-            assert unit is not None
-            unit.set("knob", value)
-            await asyncio.sleep(0.6)
-        await until_ticked(stage, "3.1")
-        await stage.do("answer_lesson", check="3.2", answer="it stands still")
-        stand_ins.unplug("knob")
-        await until_ticked(stage, "4.1")
-        await stage.do("answer_lesson", check="4.2", answer="it went to its safe value, 0 %")
-        stand_ins.plug("knob")
-        await until_ticked(stage, "5.1")
-        assert (await stage.seen())["done"] is True
-        assert await stage.do("stop_lesson") == "the lesson 'The first part' is over; everything is as it was before"
-        assert stand_ins.names == ()
+        obstacle = stage.desk.obstacle(lesson)
+        if name in NOT_WITHOUT_HARDWARE:
+            assert f"{lesson.title!r} {NOT_WITHOUT_HARDWARE[name]}" in obstacle
+            assert f"`msbot demo --lesson {name}`" in obstacle
+            assert await stage.refused("start_lesson", lesson=name) == obstacle
+        else:
+            assert obstacle == ""
+            await all_done(stage, lesson, SOLVED[name])
+        assert stage.operations.stand_ins.uids == frozenset(), "what a lesson begins it also ends"
+
+    lesson_scene(tmp_path, scene, has_parts=False)
+
+
+def test_a_slot_that_was_simulated_before_is_simulated_again_after_its_spare_took_over(tmp_path: Path) -> None:
+    async def scene(stage: LessonStage) -> None:
+        for slot in ("AA", "BB", "CC"):
+            await stage.do("simulate", slot=slot)
+        before = stage.operations.stand_ins.uids
+        await all_done(stage, LessonCatalog().get("spare"), SOLVED["spare"])
+        assert stage.operations.stand_ins.uids == before
+        running = stage.operations.faults.running
+        assert [running.state_of(slot) for slot in ("AA", "BB", "CC")] == 3 * ["active"]
 
     lesson_scene(tmp_path, scene, sample="thesis", has_parts=False)
+
+
+async def all_done(stage: LessonStage, lesson: Lesson, deeds: Mapping[str, Deed]) -> None:
+    """Do a lesson from its beginning to its end, and see that everything is put back."""
+    blueprint = await stage.operations.applying.present()
+    plugged = {slot: stage.robot.is_plugged(slot) for slot in stage.robot.names}
+    await stage.do("start_lesson", lesson=lesson.name)
+    slots = set(stage.operations.faults.running.slot_names())
+    out = {slot for slot in slots.intersection(stage.parts.names) if not stage.parts.is_plugged(slot)}
+    assert out == set(lesson.unplugged)
+    expected: list[str] = []
+    for check in lesson.checks:
+        early = [name for name in await stage.ticked() if name > f"{check.name.split('.')[0]}.99"]
+        assert not early, "the checks of a step tick after those of the steps before"
+        if check.question is not None:
+            assert await stage.refused("answer_lesson", check=check.name, answer="wrong")
+            await stage.do("answer_lesson", check=check.name, answer=check.question.right[0])
+        else:
+            deed = deeds[check.name]
+            if deed.wrong is not None:
+                await deed.wrong(stage)
+                await asyncio.sleep(WRONG_S + check.for_s)
+                assert check.name not in await stage.ticked(), f"{check.name} ticks for the wrong solution"
+            elif deed.right is not nothing:
+                await asyncio.sleep(WRONG_S + check.for_s)
+                assert check.name not in await stage.ticked(), f"{check.name} ticks by itself"
+            await deed.right(stage)
+            await until_ticked(stage, check.name)
+        expected.append(check.name)
+    assert (await stage.seen())["done"] is True
+    said = await stage.do("stop_lesson")
+    assert said == f"the lesson {lesson.title!r} is over; everything is as it was before"
+    assert await stage.operations.applying.present() == blueprint
+    assert {slot: stage.robot.is_plugged(slot) for slot in stage.robot.names} == plugged | {
+        slot: stage.robot.is_plugged(slot) for slot in plugged if slot not in lesson.unplugged
+    }
+    assert await stage.operations.undoing.read(1000)
+    await asyncio.sleep(1.0)  # this clock stands still until what was begun in threads is done
+    assert stage.registry.storage.flush(60.0)
+    kept = [tick.check for tick in stage.registry.lesson_ticks.all() if tick.person == "Ada"]
+    assert sorted(kept) == ["", *expected]
 
 
 async def until_ticked(stage: LessonStage, check: str) -> None:

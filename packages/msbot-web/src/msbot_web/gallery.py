@@ -206,7 +206,8 @@ class Gallery:
     def _strangers(self) -> list[str]:
         """The parts in the robot that no simulation of this program is."""
         bench = self._views.bench
-        own = {bench.uid(slot).hex() for slot in bench.slots()}
+        simulated = {bench.uid(slot) for slot in bench.slots()} | self._operations.stand_ins.uids
+        own = {uid.hex() for uid in simulated}
         return [part.part for part in self._views.parts() if part.state in HERE and part.uid.lower() not in own]
 
 

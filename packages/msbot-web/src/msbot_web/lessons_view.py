@@ -128,6 +128,10 @@ class LessonsView:
             raise ConfigError(said("this robot runs without lessons"))
         return self._desk.shelf.get(name)
 
+    def obstacle(self, lesson: Lesson) -> str:
+        """See `LessonController.obstacle`."""
+        return "" if self._desk is None else self._desk.obstacle(lesson)
+
     async def has_other_slots(self, lesson: str) -> bool:
         """See `LessonController.has_other_slots`."""
         return self._desk is not None and await self._desk.has_other_slots(lesson)

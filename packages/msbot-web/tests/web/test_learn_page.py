@@ -42,3 +42,22 @@ def test_a_lesson_with_other_slots_asks_before_it_ends_the_programs_of_people(
         assert (rig.service.learning.lesson("en") is None) is is_asked
 
     show(tmp_path, scene)
+
+
+def test_a_lesson_that_needs_another_robot_says_so_in_place_of_its_button(tmp_path: Path) -> None:
+    async def scene(rig: Rig) -> None:
+        await rig.look(0.1)
+        shelf = LessonCatalog()
+        shelf.refresh()
+        rig.service.learning = LessonsView(LessonController(rig.stage.operations, shelf), None, rig.accounts)
+        with Client(nicegui_page("/")) as client:
+            page = Page(rig.service, rig.session(Role.TEACHER), languages()["en"])
+            learn._LessonList(page)._show()
+            told = [one.text for one in client.elements.values() if isinstance(one, ui.label)]
+            buttons = {one.props.get("aria-label") for one in client.elements.values() if isinstance(one, ui.button)}
+        for name in ("bits_on_the_bus", "closing_the_loop"):
+            assert any(f"`msbot demo --lesson {name}`" in words for words in told)
+            assert f"Begin: {shelf.get(name).title}" not in buttons
+        assert f"Begin: {shelf.get('spare').title}" in buttons
+
+    show(tmp_path, scene, parts=())

@@ -82,6 +82,8 @@ class Lesson:
     """The world that its robot must be in; empty: any, or none."""
     unplugged: tuple[str, ...] = ()
     """Slots whose part is pulled out when the lesson begins."""
+    spares: tuple[str, ...] = ()
+    """Slots that somebody simulates in the lesson, so that their part stands by."""
     settings: Mapping[str, Mapping[str, str]] | None = None
     """Values of slots that are set when the lesson begins, by slot and name."""
     faults: tuple[FaultRequest, ...] = ()

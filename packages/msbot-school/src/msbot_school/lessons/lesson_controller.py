@@ -24,9 +24,11 @@ from msbot.registry.lesson_ticks import BEGUN
 from msbot_agent.link.can.sim import SimBusDriver
 from msbot_agent.text.sentence import joined, said
 from msbot_school.faults.effects import PartsHere
+from msbot_school.faults.fault_kinds import LOAD
 from msbot_school.lessons.catalog import LessonCatalog
 from msbot_school.lessons.check_author_lookup import LessonHands
 from msbot_school.lessons.check_authors import Doing
+from msbot_school.lessons.conditions import sources
 from msbot_school.lessons.lesson import Lesson, LessonCheck
 from msbot_school.lessons.lesson_run import Hint, LessonRun, Ticked
 from msbot_school.lessons.robot_state import RunningRobotState
@@ -66,6 +68,10 @@ class _Begun:
     unplugged: list[str] = field(default_factory=list)
     stand_ins: tuple[str, ...] = ()
     """Slots that were simulated before."""
+    real_again: list[str] = field(default_factory=list)
+    """Those of them whose stand-in has ended for the lesson."""
+    second: list[str] = field(default_factory=list)
+    """Slots that got a simulated part which is no stand-in."""
     holders: dict[str, bytes] = field(default_factory=dict)
     """Who held which slot before."""
 
@@ -129,19 +135,31 @@ class LessonController:
         try:
             await asyncio.to_thread(self.shelf.refresh)  # its author may have changed it this moment
             wanted = self.shelf.get(lesson)
-            if wanted.world and wanted.world != self._world:
-                raise ConfigError(
-                    said(
-                        "the lesson {title!r} needs a robot in the world {world}: start it on a demo's page Robots and "
-                        "worlds, or by `msbot demo --lesson {name}`",
-                        title=wanted.title,
-                        world=wanted.world,
-                        name=wanted.name,
-                    )
-                )
+            if obstacle := self.obstacle(wanted):
+                raise ConfigError(obstacle)
             return await self._set_up(wanted, who)
         finally:
             self._is_busy = False
+
+    def obstacle(self, lesson: Lesson) -> str:
+        """Why nobody could do the lesson to its end at this robot, a sentence; empty: it can be done here."""
+        if lesson.world and lesson.world != self._world:
+            return said(
+                "the lesson {title!r} needs a robot in the world {world}: start it on a demo's page Robots and "
+                "worlds, or by `msbot demo --lesson {name}`",
+                title=lesson.title,
+                world=lesson.world,
+                name=lesson.name,
+            )
+        looks_at = {source for check in lesson.checks for one in check.conditions for source in sources(one)}
+        if LOAD in looks_at and not self._robot.has_bus:
+            return said(
+                "the lesson {title!r} needs a robot on a simulated bus, whose load is known: start it on a demo's page "
+                "Robots and worlds, or by `msbot demo --lesson {name}`",
+                title=lesson.title,
+                name=lesson.name,
+            )
+        return ""
 
     async def has_other_slots(self, lesson: str) -> bool:
         """Whether the robot changes its slots or wires when that lesson begins.
@@ -364,6 +382,9 @@ class LessonController:
             if self._parts.is_plugged(spare):
                 self._parts.unplug(spare)
                 begun.unplugged.append(spare)
+        for slot in set(lesson.spares) & set(self._operations.stand_ins.names):
+            await self._operations.do("simulate", who=who, slot=slot, end=True)
+            begun.real_again.append(slot)
         for slot in self._running.slot_names():
             is_here = slot in self._parts.names
             if slot in lesson.unplugged and is_here:
@@ -375,6 +396,9 @@ class LessonController:
             is_held = holder is not None and holder.state.is_registered
             if is_here and not self._parts.is_plugged(slot):
                 self._parts.plug(slot)
+            elif not is_here and not is_held and slot in lesson.spares:
+                await self._operations.stand_ins.add_second(slot)
+                begun.second.append(slot)
             elif not is_here and not is_held:
                 # One that begins pulled out, too: without a stand-in its card has nothing that could be plugged in.
                 await self._operations.do("simulate", who=who, slot=slot)
@@ -397,8 +421,10 @@ class LessonController:
         for fault in self._operations.faults.listed():
             if isinstance(number := fault["number"], int) and number not in begun.faults:
                 left.append(await attempt(partial(self._operations.do, "clear_fault", who=who, fault=number)))
-        for slot in set(self._operations.stand_ins.names) - set(begun.stand_ins):
+        for slot in set(self._operations.stand_ins.names) - (set(begun.stand_ins) - set(begun.real_again)):
             left.append(await attempt(partial(self._operations.do, "simulate", who=who, slot=slot, end=True)))
+        for slot in begun.second:
+            await self._operations.stand_ins.end_second(slot)
         made = [edit for edit in await self._operations.undoing.read(EDITS) if edit.id > begun.newest_edit]
         for edit in made:
             if edit.can_be_undone:
@@ -406,6 +432,8 @@ class LessonController:
                 # A part that was only there for the lesson cannot be put back; whoever was there before, is again.
                 if edit.kind != EditKind.PLACE.value or self._holders() != begun.holders:
                     left.append(why)
+        for slot in set(begun.real_again) - set(self._operations.stand_ins.names):
+            left.append(await attempt(partial(self._operations.do, "simulate", who=who, slot=slot)))
         for slot in begun.unplugged:
             if slot in self._parts.names and not self._parts.is_plugged(slot):
                 left.append(await attempt(partial(self._parts.plug, slot)))

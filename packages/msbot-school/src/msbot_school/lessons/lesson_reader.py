@@ -93,6 +93,7 @@ class _Reader:
             blueprint=self._path.parent / blueprint if blueprint else None,
             world=header.text("world", "line"),
             unplugged=tuple(header.names("unplugged", "knob")),
+            spares=tuple(header.names("spares", "knob")),
             settings=self._settings(header.table("settings")),
             faults=tuple(_fault(table) for table in header.tables("fault")),
             hint_after_s=header.number("hint_after_s", default=60.0, least=1.0, most=3600.0, unit="s"),

@@ -23,6 +23,11 @@ class RunningRobotState:
         self._bus = bus
         self._numbers = LatestPortValues(running)
 
+    @property
+    def has_bus(self) -> bool:
+        """Whether the load of its bus is known."""
+        return self._bus is not None
+
     def state(self, slot: str) -> str:
         """See `RobotState`."""
         return self._running.state_of(slot)

@@ -119,7 +119,10 @@ class _LessonList:
                         before = ", ".join(titles.get(name, name) for name in lesson.needs)
                         if before:
                             ui.label(say("first do: {lessons}", lessons=before)).classes("soft")
-                    if page.may(Right.DESIGN) and nothing_runs:
+                        obstacle = page.service.learning.obstacle(lesson) if nothing_runs else ""
+                        if obstacle and page.may(Right.DESIGN):
+                            ui.label(as_sentence(say(obstacle)))
+                    if page.may(Right.DESIGN) and nothing_runs and not obstacle:
                         begin = ui.button(say("Begin"), icon="play_arrow", on_click=partial(self._begin, lesson))
                         begin.props("outline")
                         begin.props["aria-label"] = f"{say('Begin')}: {lesson.title}"

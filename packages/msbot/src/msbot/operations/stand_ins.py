@@ -1,7 +1,8 @@
 """Simulated parts that stand in for those of a running robot: a slot is simulated, and given back, while it runs.
 
 A stand-in is a simulated part in the master's own process, joined by a link in memory. It claims like any part and is
-swapped into its slot; the part that had the slot stands by and gets it back. When the master ends, so do stand-ins.
+swapped into its slot; the part that had the slot stands by and gets it back. A second part claims a slot and is
+not swapped in: it shows at a robot without hardware how a spare takes over. When the master ends, so do all of them.
 """
 
 from __future__ import annotations
@@ -51,11 +52,17 @@ class StandIns:
         self._placement = placement
         self._hub: InprocHub | None = None
         self._slots: dict[str, _SimulatedReplacement] = {}
+        self._second: dict[str, _SimulatedReplacement] = {}
 
     @property
     def names(self) -> tuple[str, ...]:
         """The slots that are simulated."""
         return tuple(self._slots)
+
+    @property
+    def uids(self) -> frozenset[bytes]:
+        """The UIDs of all simulated parts that run here, second ones too."""
+        return frozenset(one.uid for one in (*self._slots.values(), *self._second.values()))
 
     async def simulate(self, slot: str, end: bool, who: str) -> Outcome:
         """Let a simulated part stand in for that of a slot; or end that, and give the slot back."""
@@ -63,19 +70,15 @@ class StandIns:
         return await self._give_back(target, who) if end else await self._begin(target, who)
 
     async def _begin(self, target: str, who: str) -> Outcome:
-        library = self._running.library
         number = self._running.inventory.slots.number_of(target)
         if target in self._slots:
             raise ConfigError(
                 said("slot {slot} is simulated already: `msbot simulate {slot} --end` ends it", slot=target)
             )
-        if library is None or library.find(number) is None:
-            raise ConfigError(said("the library does not know {number}: it cannot be simulated", number=number))
-        if len(self._slots) >= MOST:
-            raise ConfigError(said("{most} parts are simulated already, which is the most", most=MOST))
+        library = self._library_with(number)
         holder = self._running.holder(target)
-        uid = hashlib.sha256(b"MsBOT stand-in\0" + self._running.master.profile.name.encode() + target.encode())
-        stand_in = _SimulatedReplacement(uid.digest()[:8], library, number, b"" if holder is None else holder.uid)
+        uid = self._new_uid(b"MsBOT stand-in\0", target)
+        stand_in = _SimulatedReplacement(uid, library, number, b"" if holder is None else holder.uid)
         self._slots[target] = stand_in
         try:
             self.plug(target)
@@ -100,6 +103,47 @@ class StandIns:
             return Outcome(said("slot {slot} is not simulated any more: plug its part in", slot=target))
         return Outcome(said("slot {slot} is given back to {part}", slot=target, part=back.part))
 
+    # A second part of a slot.
+
+    async def add_second(self, slot: str) -> None:
+        """Start a simulated part that claims a slot as a plugged-in part does.
+
+        It takes the slot if that is empty, and otherwise stands by. It is no stand-in: the slot can be simulated as
+        well, and then this part waits for it. Nothing happens if the slot has one.
+
+        Raises:
+            ConfigError: there is no such slot, its part number is unknown, or the robot does not let the part in.
+        """
+        target = slot_of(self._running, slot)
+        if target in self._second:
+            return
+        number = self._running.inventory.slots.number_of(target)
+        library = self._library_with(number)
+        second = _SimulatedReplacement(self._new_uid(b"MsBOT second part\0", target), library, number)
+        self._second[target] = second
+        try:
+            self._start(second, target)
+            await self._claimed(second)
+        except MsbotError:
+            await self.end_second(target)
+            raise
+
+    async def end_second(self, slot: str) -> None:
+        """End the second part of a slot; nothing happens if there is none."""
+        if (second := self._second.pop(slot, None)) is not None:
+            await self._ended(second)
+
+    def _library_with(self, number: str) -> Library:
+        library = self._running.library
+        if library is None or library.find(number) is None:
+            raise ConfigError(said("the library does not know {number}: it cannot be simulated", number=number))
+        if len(self._slots) + len(self._second) >= MOST:
+            raise ConfigError(said("{most} parts are simulated already, which is the most", most=MOST))
+        return library
+
+    def _new_uid(self, kind: bytes, slot: str) -> bytes:
+        return hashlib.sha256(kind + self._running.master.profile.name.encode() + slot.encode()).digest()[:8]
+
     # The simulated parts, to be played with.
 
     def is_plugged(self, slot: str) -> bool:
@@ -113,9 +157,10 @@ class StandIns:
 
     def plug(self, slot: str) -> None:
         """Start the stand-in of a slot; nothing happens if it runs."""
-        stand_in = self._slots[slot]
-        if self.is_plugged(slot):
-            return
+        if not self.is_plugged(slot):
+            self._start(self._slots[slot], slot)
+
+    def _start(self, stand_in: _SimulatedReplacement, slot: str) -> None:
         if self._hub is None:
             self._hub = InprocHub()
             # Not the name of the link of the robot's own services, which may do everything.
@@ -146,7 +191,9 @@ class StandIns:
             _log.warning("the stand-in of slot %s has ended: %s", slot, error)
 
     async def _end(self, slot: str) -> None:
-        stand_in = self._slots.pop(slot)
+        await self._ended(self._slots.pop(slot))
+
+    async def _ended(self, stand_in: _SimulatedReplacement) -> None:
         if stand_in.unit is not None and stand_in.task is not None:
             stand_in.unit.part.end()
             _, late = await asyncio.wait([stand_in.task], timeout=JOIN_S)
