@@ -12,6 +12,7 @@ import pytest
 
 from msbot_agent.link import DisturbedLink
 from msbot_school.faults.fault_kinds import KINDS
+from msbot_school.faults.fault_lab import FaultLab
 from msbot_school.missions.mission import REPAIRS, MissionEventKind, drawn
 from msbot_school.missions.mission_file import parse_mission, ready_missions
 from msbot_school.missions.mission_lab import MissionLab
@@ -155,6 +156,13 @@ def test_a_life_with_missions(tmp_path: Path) -> None:
 
 async def what_cannot_begin_changes_nothing(played: Played) -> None:
     stage = played.stage
+    assert set(played.lab.obstacles()) == {"wrong-hands"}
+    without_bus = FaultLab(stage.operations, parts=stage.robot)
+    others = MissionLab(stage.operations, without_bus).obstacles()
+    assert set(others) == {"wrong-hands", "chatterbox", "crackle", "outcast"}
+    assert "as `msbot demo` has" in others["crackle"]
+    stage.operations.faults.attach(stage.lab)
+    stage.operations.missions.attach(played.lab)
     for arguments, words in (
         ({"mission": "one-silent"}, "in a robot that is well: ear, headlight, bumper must be active first"),
         (

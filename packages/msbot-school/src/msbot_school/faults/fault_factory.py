@@ -161,6 +161,17 @@ class FaultFactory:
             hint = instead_of(when.slot, self._running.slot_names())
             raise ConfigError(said("the condition: there is no slot {slot}; {hint}", slot=when.slot, hint=hint))
 
+    def obstacle(self, kind: FaultKind) -> str:
+        """Why this robot can have no fault of a kind at any slot, a sentence; empty: it can."""
+        if kind.acts is InjectionPoint.BUS and self._bus is None:
+            return _no_bus(kind.name)
+        if kind.name == "wrong-key" and self._running.master.blueprint.options.authentication == "open":
+            return said(
+                'this robot asks no part for a key: a wrong one would not be noticed; `authentication = "key"` in the '
+                "blueprint changes that"
+            )
+        return ""
+
     def effect(self, spec: FaultSpec) -> Effect:
         """What the fault does here.
 
@@ -228,10 +239,8 @@ class FaultFactory:
             uid = Random(f"wrong number {spec.seed}").randbytes(8)
             unit = make_simulator(wrong, uid=uid, local_name=f"{name}?", library=library, random=Random(spec.seed))
             return CombinedEffect(self._cut(spec.at), UnexpectedPart(self._guests, unit))
-        if self._running.master.blueprint.options.authentication == "open":
-            raise ConfigError(
-                said('this robot asks no part for a key (authentication = "open"): a wrong one would not be noticed')
-            )
+        if why := self.obstacle(spec.kind):
+            raise ConfigError(why)
         unit = make_simulator(number, uid=holder.uid, local_name=name, library=library, random=Random(spec.seed))
         unit.part.key = WRONG_KEY
         return CombinedEffect(self._cut(spec.at), UnexpectedPart(self._guests, unit))
@@ -266,14 +275,16 @@ class FaultFactory:
             ConfigError: there is none; `what` needs it.
         """
         if self._bus is None:
-            raise ConfigError(
-                said(
-                    "{what} needs a CAN bus that is simulated in the master's process, as `msbot demo` has: a program "
-                    "cannot break the frames of a real bus",
-                    what=what,
-                )
-            )
+            raise ConfigError(_no_bus(what))
         return self._bus
+
+
+def _no_bus(what: str) -> str:
+    return said(
+        "{what} needs a CAN bus that is simulated in the master's process, as `msbot demo` has: a program cannot break "
+        "the frames of a real bus",
+        what=what,
+    )
 
 
 def _core(spec: FaultSpec) -> PacketTreatment:

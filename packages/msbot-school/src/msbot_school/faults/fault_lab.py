@@ -19,7 +19,7 @@ from msbot_agent.text.sentence import counted, said
 from msbot_school.faults.effects import Effect, PartsHere
 from msbot_school.faults.fault_engine import Fault, FaultChange, FaultEngine
 from msbot_school.faults.fault_factory import FaultFactory
-from msbot_school.faults.fault_kinds import LOAD, Condition, NumberCondition
+from msbot_school.faults.fault_kinds import LOAD, Condition, NumberCondition, kind_named
 from msbot_school.faults.port_values import LatestPortValues
 from msbot_xrce.errors import ConfigError
 
@@ -137,6 +137,14 @@ class FaultLab:
         """End the faults of the mission; others may be planted again."""
         self._mission = ""
         self._end_all(reason)
+
+    def obstacle(self, kind: str) -> str:
+        """Why this robot can have no fault of a kind at any slot, a sentence; empty: it can.
+
+        Raises:
+            ConfigError: there is no such kind.
+        """
+        return self._planting.obstacle(kind_named(kind))
 
     def prepare(self, condition: Condition) -> None:
         """Make sure that `holds` can tell of it.

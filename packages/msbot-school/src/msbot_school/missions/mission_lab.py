@@ -22,7 +22,7 @@ from msbot_agent.text.similar_names import instead_of
 from msbot_school.faults.fault_kinds import Condition, read_condition
 from msbot_school.faults.fault_lab import FaultLab
 from msbot_school.missions.mission import Mission, MissionEvent, MissionEventKind, drawn
-from msbot_school.missions.mission_file import parse_mission, ready_mission
+from msbot_school.missions.mission_file import parse_mission, ready_mission, ready_missions
 from msbot_school.missions.mission_run import MissionRun
 from msbot_school.missions.recorded_missions import PlayedMission
 from msbot_xrce.errors import ConfigError
@@ -179,6 +179,10 @@ class MissionLab:
             "reports": [one.number for one in self._reports],
         }
 
+    def obstacles(self) -> Mapping[str, str]:
+        """See `MissionControl`."""
+        return {name: why for name, mission in ready_missions().items() if (why := self._obstacle(mission))}
+
     def report(self, number: int | None) -> Mapping[str, object]:
         """See `MissionControl`."""
         return self.played(number).as_json()
@@ -209,21 +213,28 @@ class MissionLab:
 
     # How it works.
 
-    def _check_robot(self, mission: Mission) -> None:
-        if self._running.master.stop.stopped:
-            raise ConfigError(said("STOP is in force: no mission begins until GO"))
+    def _obstacle(self, mission: Mission) -> str:
+        """Why the mission needs another robot, a sentence; empty: this one has all that it needs."""
         known = self._running.slot_names()
         missing = [slot for slot in mission.needs if slot not in known]
         if missing:
             sample = said(": `msbot demo --robot {sample}` has them", sample=mission.sample) if mission.sample else ""
-            raise ConfigError(
-                said(
-                    "the mission {mission} needs a robot with the slots {missing}{sample}",
-                    mission=mission.name,
-                    missing=", ".join(missing),
-                    sample=sample,
-                )
+            return said(
+                "the mission {mission} needs a robot with the slots {missing}{sample}",
+                mission=mission.name,
+                missing=", ".join(missing),
+                sample=sample,
             )
+        for fault in mission.faults:  # one of its kinds is drawn
+            if why := [words for kind in fault.kinds if (words := self._faults.obstacle(kind))]:
+                return why[0]
+        return ""
+
+    def _check_robot(self, mission: Mission) -> None:
+        if self._running.master.stop.stopped:
+            raise ConfigError(said("STOP is in force: no mission begins until GO"))
+        if why := self._obstacle(mission):
+            raise ConfigError(why)
         ill = [slot for slot in mission.needs if self._running.state_of(slot) != PartState.ACTIVE.value]
         if ill:
             raise ConfigError(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Mapping
 from pathlib import PurePath
 
 from fastapi import Request
@@ -16,6 +17,7 @@ from msbot_school.missions.mission_file import MOST_TEXT, ready_missions
 from msbot_school.missions.recorded_missions import PlayedMission, played_from_json
 from msbot_web.mission_report import report_body, report_page
 from msbot_web.models.class_models import MissionState
+from msbot_web.pages.gallery import as_sentence
 from msbot_web.pages.layout import page_frame
 from msbot_web.pages.number_field import NumberField
 from msbot_web.pages.page import Page
@@ -53,7 +55,8 @@ class _Missions:
 
     def _show(self) -> None:
         state = MissionState.model_validate(self._page.service.operations.missions.state())
-        seen = (state.mission, state.reports)
+        obstacles = {} if state.mission else self._page.service.operations.missions.obstacles()
+        seen = (state.mission, state.reports, obstacles)
         if seen != self._seen:
             self._seen, self._told_seen = seen, None
             self._now.clear()
@@ -61,7 +64,7 @@ class _Missions:
                 if state.mission:
                     self._make_running(state)
                 else:
-                    self._make_choice(state)
+                    self._make_choice(state, obstacles)
             self._reports.clear()
             with self._reports:
                 self._make_reports(state)
@@ -167,7 +170,7 @@ class _Missions:
 
     # None runs.
 
-    def _make_choice(self, state: MissionState) -> None:
+    def _make_choice(self, state: MissionState, obstacles: Mapping[str, str]) -> None:
         page, say = self._page, self._page.translate
         with panel().classes("no-print" if state.reports else ""):  # on paper there is the report
             heading(say("No mission runs"))
@@ -175,9 +178,13 @@ class _Missions:
                 ui.label(say("A teacher starts one here. Then something goes wrong, and you find out what."))
                 return
             ready = ready_missions()
-            titles = {name: f"{say(one.title)} · {name}" for name, one in ready.items()}
+            other = f" · {say('needs another robot')}"
+            titles = {
+                name: f"{say(one.title)} · {name}{other if name in obstacles else ''}" for name, one in ready.items()
+            }
+            first = next((name for name in (FIRST, *ready) if name not in obstacles), FIRST)
             with ui.element("div").classes("row").style("align-items:flex-start"):
-                chosen = ui.select(titles, value=FIRST, label=say("Mission"))
+                chosen = ui.select(titles, value=first, label=say("Mission"))
                 chosen.props("dense outlined").style("min-width:min(20rem,100%);max-width:100%")
                 seed = NumberField(page, say("Seed"), is_whole=True, may_be_negative=False)
                 seed.props("dense outlined").style("width:7rem")
@@ -194,14 +201,19 @@ class _Missions:
                     with page.in_page():
                         await page.act("start_mission", mission=name, toml=text, seed=seed.number)
 
-                ui.button(say("Start"), icon="play_arrow", on_click=start)
+                begin = ui.button(say("Start"), icon="play_arrow", on_click=start)
                 file_button(page, say("Mission from a file"), taken, max_size=MOST_TEXT, ending=".toml")
             words = ui.label("").style("margin-top:.6rem;max-width:60rem")
             needs = ui.label("").classes("soft")
+            another = ui.label("").props("role=status")
 
         def told() -> None:
             one = ready[str(chosen.value)]
             words.set_text(say(one.story))
+            why = obstacles.get(one.name, "")
+            begin.set_enabled(not why)
+            another.set_visibility(bool(why))
+            another.set_text(as_sentence(say(why)) if why else "")
             needs.set_text(
                 say(
                     "{minutes} min; needs the slots {slots} (robot {sample})",

@@ -107,6 +107,9 @@ class MissionControl(Protocol):
     def as_json(self) -> Mapping[str, object]:
         """The mission that runs, without its answers; empty: none."""
 
+    def obstacles(self) -> Mapping[str, str]:
+        """The ready missions that need another robot, and why, a sentence each."""
+
     def report(self, number: int | None) -> Mapping[str, object]:
         """The report of a mission that is over; without number the latest."""
 
@@ -159,6 +162,10 @@ class Missions:
     def state(self) -> Mapping[str, object]:
         """The mission that runs, without its answers, and the numbers of those that are over."""
         return {"reports": []} if self._control is None else self._control.as_json()
+
+    def obstacles(self) -> Mapping[str, str]:
+        """The ready missions that need another robot, and why, a sentence each."""
+        return {} if self._control is None else self._control.obstacles()
 
     def report(self, number: int | None) -> Mapping[str, object]:
         """A mission that is over, with its notes; without number the latest.
