@@ -24,7 +24,7 @@ from msbot.pnp import PartEvent, PartState
 from msbot.registry import Registry, open_registry
 from msbot_agent.link.can import CanMasterLink, CanPartLink, Codec
 from msbot_agent.link.can.protocol import CanIds, Frame
-from msbot_agent.link.can.protocol.ids import read_join
+from msbot_agent.link.can.protocol.ids import NOBODY, read_assign
 from msbot_agent.link.can.sim import SimBusDriver
 
 PART_NUMBER = "ABCD"
@@ -310,7 +310,8 @@ class _Crowd:
         outcome, ids = self.outcome, self._ids
         for frame in self._window:
             if frame.extended:
-                kind = "JOIN" if read_join(frame, ids) else "ASSIGN"
+                assign = read_assign(frame, ids)
+                kind = "JOIN" if assign is None else "TAKEN BACK" if assign.uid == NOBODY else "ASSIGN"
             else:
                 kind = "BEACON" if frame.can_id == ids.beacon else "message"
             outcome.frames[kind] += 1

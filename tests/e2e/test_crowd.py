@@ -21,6 +21,7 @@ def checked(found: Outcome, size: int) -> Outcome:
     assert len(found.active_s) == size
     assert (found.lost, found.late, found.dropped) == (0, 0, {})
     assert (found.frames["JOIN"], found.frames["ASSIGN"]) == (size, size), "everybody asks once"
+    assert found.frames["TAKEN BACK"] == 0
     assert found.ratio < 1.3
     return found
 
@@ -49,5 +50,7 @@ def test_a_master_that_is_started_anew_gets_its_parts_back(tmp_path: Path) -> No
     # While the new master listens whether it is alone, parts still beat from the addresses of the old one's epoch.
     assert again.dropped.keys() <= {NO_ADDRESS}
     again.dropped.clear()
+    # One that has not heard of the new epoch yet is told that its address is not its own any more.
+    assert again.frames.pop("TAKEN BACK", 0) <= 20
     checked(again, 20)
     assert again.last_s < 1.5 + LISTEN_S

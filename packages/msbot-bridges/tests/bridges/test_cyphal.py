@@ -7,7 +7,7 @@ import math
 import threading
 import time
 from collections.abc import AsyncIterator, Callable
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, suppress
 from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar
@@ -19,6 +19,7 @@ from msbot.config import BridgeTable
 from msbot.part.messages.standard import Angle, Distance
 from msbot.pnp import PartState
 from msbot_bridges.bridge import ForeignDevice
+from msbot_xrce.errors import LinkDown
 from tests.bridges.hosts import Host, Reports, running
 from tests.bridges.test_every_world import robot_with
 
@@ -286,8 +287,11 @@ async def test_another_bridge_on_the_bus_is_named() -> None:
     from msbot_bridges.cyphal.cyphal_world import CyphalWorld
 
     bus = f"msbot:{uuid4().hex[:12]}"
-    async with running(CyphalWorld(bus)) as host, running(CyphalWorld(bus)):
-        assert "somebody else on this bus is node 125" in await host.said.get()
+    # Two with one number may also send at the same time, until a controller leaves the bus: that ends its bridge.
+    with suppress(LinkDown):
+        async with running(CyphalWorld(bus)) as host, running(CyphalWorld(bus)):
+            words = await host.said.get()
+    assert "somebody else on this bus is node 125" in words
 
 
 def has_reach(node: Any, reach: float) -> bool:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from msbot_agent.cli.options import json_option
+from msbot_agent.cli.options import WholeRange, json_option
 from msbot_xrce.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 @click.option(
     "--set-bitrate",
     "bit_rate",
-    type=int,
+    type=WholeRange(min=1),
     metavar="BIT/S",
     help="Give all devices there this bit rate instead of bridging, where they can be told (CANopen).",
 )
