@@ -3,6 +3,7 @@
 import subprocess
 import sys
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -54,6 +55,26 @@ def _cut_all(engine: Engine) -> None:
     others = "FROM pg_stat_activity WHERE datname = current_database() AND pid <> pg_backend_pid()"
     with engine.connect() as connection:
         connection.execute(text(f"SELECT pg_terminate_backend(pid) {others}"))
+
+
+def test_a_database_without_an_encoding_of_its_own_keeps_every_letter(
+    server: str, blueprint: Blueprint, library: Library
+) -> None:
+    admin = create_engine(
+        make_url(server.format("postgres")).set(drivername="postgresql+psycopg"), isolation_level="AUTOCOMMIT"
+    )
+    try:
+        with admin.connect() as connection:
+            connection.execute(text("CREATE DATABASE plain ENCODING 'SQL_ASCII' LOCALE 'C' TEMPLATE template0"))
+        named = replace(blueprint, robot=replace(blueprint.robot, manufacturer="Škola 学校"))
+        for _ in range(2):
+            with open_registry(server.format("plain")) as registry:
+                robot = registry.robots.apply_blueprint(named, library)
+                assert registry.robots.blueprint(robot).robot.manufacturer == "Škola 学校"
+    finally:
+        with admin.connect() as connection:
+            connection.execute(text("DROP DATABASE IF EXISTS plain WITH (FORCE)"))
+        admin.dispose()
 
 
 def test_the_robot_goes_on_when_the_server_is_restarted(

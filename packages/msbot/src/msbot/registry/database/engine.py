@@ -8,7 +8,9 @@ import re
 import shlex
 import sqlite3
 from collections import Counter
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Final
 from urllib.parse import quote
 
 from sqlalchemy import URL, Connection, Engine, create_engine, event, make_url
@@ -246,6 +248,8 @@ def make_private(path: Path) -> None:
             os.chmod(path, 0o600)
 
 
+_AS_TEXT: Final[Mapping[str, object]] = {"client_encoding": "utf8"}
+"""A database made with the locale C would give octets in place of text."""
 _SERVER_READ_ONLY = "-c default_transaction_read_only=on"
 
 
@@ -257,7 +261,7 @@ def make_engine(address: Address, *, busy_timeout_s: float, read_only: bool) -> 
     """
     if address.path is None:
         try:
-            options: dict[str, object] = {"connect_timeout": max(1, round(busy_timeout_s))}
+            options: dict[str, object] = {"connect_timeout": max(1, round(busy_timeout_s)), **_AS_TEXT}
             if read_only:
                 options["options"] = _SERVER_READ_ONLY
             # A server that was restarted is noticed before a statement fails.
@@ -306,7 +310,7 @@ def make_lease_engine(address: Address) -> Engine:
     Raises:
         RegistryError: the driver is not installed.
     """
-    options = {"connect_timeout": 2, "tcp_user_timeout": 1500, "options": _QUICK_ANSWERS}
+    options = {"connect_timeout": 2, "tcp_user_timeout": 1500, "options": _QUICK_ANSWERS, **_AS_TEXT}
     try:
         return create_engine(address.url, connect_args=options, pool_size=1, isolation_level="AUTOCOMMIT")
     except ImportError:
