@@ -12,6 +12,7 @@ from collections.abc import Callable, Sequence
 from msbot.config import SAMPLES
 from msbot.operations.dispatch import InProcessOperations
 from msbot.operations.rights import Principal, Right
+from msbot.operations.teaching_operations import people_stop
 from msbot_agent.text.sentence import counted, joined, said
 from msbot_school.demo.gallery import GALLERY, ROVER, DemoChoice, GalleryEntry, brought_entries
 from msbot_web.access.sessions import Session
@@ -43,10 +44,6 @@ class RunningDemo:
     now: DemoChoice
     """What it runs; a lesson may have put other slots and wires into force."""
     change: Change
-
-
-HERE = ("checking", "active", "late", "standby")
-"""States of parts that are there."""
 
 
 class AskFirst(ConfigError):
@@ -128,18 +125,11 @@ class Gallery:
             found.append(said("the mission that runs ends without a result"))
         if stays:
             return found
-        if stop := self.who_stops():
+        if stop := people_stop(self._strangers()):
             found.append(stop)
         if self._operations.stopping.status.stopped:
             found.append(said("STOP holds, and goes on to hold at the other robot until somebody says GO"))
         return found
-
-    def who_stops(self) -> str:
-        """Whose programs and parts stop when the robot gets other slots, a sentence; empty: nobody's."""
-        strangers = self._strangers()
-        if not strangers:
-            return ""
-        return said("programs and parts of people stop: {parts}; their texts are kept", parts=joined(", ", strangers))
 
     async def change(
         self, session: Session, choice: DemoChoice, lesson: str = "", *, agreed: bool = False
@@ -204,11 +194,10 @@ class Gallery:
         return DemoChoice(found.robot or ROVER.robot, found.world)
 
     def _strangers(self) -> list[str]:
-        """The parts in the robot that no simulation of this program is."""
+        """Whose programs and parts no simulation of this program is."""
         bench = self._views.bench
-        simulated = {bench.uid(slot) for slot in bench.slots()} | self._operations.stand_ins.uids
-        own = {uid.hex() for uid in simulated}
-        return [part.part for part in self._views.parts() if part.state in HERE and part.uid.lower() not in own]
+        own = self._operations.stand_ins.uids | {bench.uid(slot) for slot in bench.slots()}
+        return self._operations.faults.running.people_here(own)
 
 
 def _check(choice: DemoChoice) -> None:

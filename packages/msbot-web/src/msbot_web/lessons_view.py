@@ -8,6 +8,7 @@ from functools import cache
 from typing import Final
 
 from msbot.operations.rights import Right
+from msbot.operations.teaching_operations import people_stop
 from msbot.registry import Registry
 from msbot.registry.lesson_ticks import Tick
 from msbot_agent.text.sentence import said
@@ -132,9 +133,9 @@ class LessonsView:
         """See `LessonController.obstacle`."""
         return "" if self._desk is None else self._desk.obstacle(lesson)
 
-    async def has_other_slots(self, lesson: str) -> bool:
-        """See `LessonController.has_other_slots`."""
-        return self._desk is not None and await self._desk.has_other_slots(lesson)
+    async def who_stops(self, lesson: str) -> str:
+        """Whose programs and parts stop when that lesson begins, in words; empty: nobody's."""
+        return "" if self._desk is None else people_stop(await self._desk.who_stops(lesson))
 
     def is_missing(self, lesson: Lesson, language: str) -> bool:
         """See `LessonCatalog.is_missing`."""

@@ -117,6 +117,7 @@ class ModelBuilder:
             plugged=lambda: {slot: bench.is_plugged(slot) for slot in bench.slots()},
             wear=master.agent.wear,
             type_differences=master.type_differences,
+            is_frozen=master.inventory.pupil_parts.is_held,
         )
         self.curves = LiveCurves(
             master,

@@ -71,6 +71,7 @@ class SlotCards:
         beat_s: seconds between two beats of a part.
         plugged: the slots whose parts are simulated in this process, and whether these are on the wire.
         wear: what went wrong in the session of that client.
+        is_frozen: whether that client is the program of a pupil who is held: it says and hears nothing.
     """
 
     def __init__(
@@ -89,12 +90,14 @@ class SlotCards:
         wear: Callable[[int], SessionFaultCounts | None] = no_session_faults,
         planted: Callable[[str], Sequence[str]] = lambda _: (),
         type_differences: Callable[[int], Sequence[str]] = lambda _: (),
+        is_frozen: Callable[[int], bool] = lambda _: False,
     ) -> None:
         self.live = live
         self.library = library
         self._parts = parts
         self._beat_s = beat_s
         self._plugged = plugged
+        self._is_frozen = is_frozen
         self._wear_of = wear
         self._blueprint = blueprint
         self._clock = clock
@@ -176,7 +179,7 @@ class SlotCards:
         binding, now = end.binding, look.now
         watch = self.live.topic(binding.topic)
         told = look.by_hand.get((slot.name, end.port))
-        held = "" if end.publishes else "by hand" if told is not None else _held(look, slot.name, binding)
+        held = "" if end.publishes else "by hand" if told is not None else self._held(look, slot.name, binding)
         return _port_line(
             port=end.port,
             topic=binding.topic,
@@ -191,6 +194,19 @@ class SlotCards:
             held=held,
             safe=dict(end.safe) if held in ("stopped", "partner lost") else {},
         )
+
+    def _held(self, look: _RobotSnapshot, slot: str, binding: Binding) -> str:
+        """Why the part in a slot does not obey what comes in on a topic; see `PortLine.held`."""
+        info = look.infos.get(slot)
+        if info is None or not info.state.is_registered:
+            return "gone"
+        if look.is_stopped:
+            return "stopped" if info.part in look.confirmed else "unconfirmed"
+        source = look.infos.get(binding.source.slot)
+        if source is None or not source.state.is_registered:
+            return "partner lost"
+        # Either end that is frozen has been told, as has its partner, that the other one is not there.
+        return "partner lost" if self._is_frozen(source.client_key) or self._is_frozen(info.client_key) else ""
 
 
 def _is_stale(watch: TopicWatch, end: _End, look: _RobotSnapshot) -> bool:
@@ -292,17 +308,6 @@ class _RobotSnapshot:
     """What people say to ports that they drive by hand."""
     beat_s: float
     """Seconds between two beats of a part."""
-
-
-def _held(look: _RobotSnapshot, slot: str, binding: Binding) -> str:
-    """Why the part in a slot does not obey what comes in on a topic; see `PortLine.held`."""
-    info = look.infos.get(slot)
-    if info is None or not info.state.is_registered:
-        return "gone"
-    if look.is_stopped:
-        return "stopped" if info.part in look.confirmed else "unconfirmed"
-    source = look.infos.get(binding.source.slot)
-    return "" if source is not None and source.state.is_registered else "partner lost"
 
 
 @dataclass(frozen=True, slots=True)

@@ -178,6 +178,14 @@ def show(
     play(folder, on_stage, *changes, parts=parts)
 
 
+def belongs_to(rig: Rig, slot: str, pupil: str) -> None:
+    """The part in a slot is the program of a pupil, in a browser."""
+    inventory = rig.stage.master.inventory
+    holder = inventory.holder(slot, asyncio.get_running_loop().time())
+    assert holder is not None
+    inventory._index.sessions[holder.client_key].pupil = pupil
+
+
 async def refusal(deed: Callable[[], object]) -> MsbotError:
     """The error that a deed is refused with."""
     try:

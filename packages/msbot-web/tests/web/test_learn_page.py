@@ -15,7 +15,7 @@ from msbot_web.language import languages
 from msbot_web.lessons_view import LessonsView
 from msbot_web.pages import learn
 from msbot_web.pages.page import Page
-from tests.web.rig import Rig, show
+from tests.web.rig import Rig, belongs_to, show
 
 STOPS = "Programs and parts of people stop: "
 
@@ -33,12 +33,14 @@ def test_a_lesson_with_other_slots_asks_before_it_ends_the_programs_of_people(
 
     async def scene(rig: Rig) -> None:
         await rig.look(2.0)
+        belongs_to(rig, "BB", "Ben")
         shelf = LessonCatalog()
         rig.service.learning = LessonsView(LessonController(rig.stage.operations, shelf), None, rig.accounts)
         with Client(nicegui_page("/")) as client:
             page = Page(rig.service, rig.session(Role.TEACHER), languages()["en"])
             await learn._LessonList(page)._begin(shelf.get(lesson))
             assert bool(questions(client)) is is_asked
+            assert all(", Ben (BB), " in words for words in questions(client))
         assert (rig.service.learning.lesson("en") is None) is is_asked
 
     show(tmp_path, scene)

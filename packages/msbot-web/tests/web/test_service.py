@@ -79,6 +79,7 @@ LEAST = {
     "mission_report": Role.VIEWER,
     "start_lesson": Role.TEACHER, "stop_lesson": Role.TEACHER,
     "join_lesson": Role.STUDENT, "answer_lesson": Role.STUDENT, "hand": Role.STUDENT, "lesson": Role.VIEWER,
+    "who_stops": Role.VIEWER,
     "pause_world": Role.STUDENT, "step_world": Role.STUDENT, "reset_world": Role.STUDENT, "world_speed": Role.STUDENT,
     "put_robot": Role.STUDENT, "world": Role.VIEWER,
     "freeze": Role.TEACHER, "thaw": Role.TEACHER, "take_over": Role.TEACHER, "hand_back": Role.TEACHER,

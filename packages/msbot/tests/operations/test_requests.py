@@ -138,6 +138,7 @@ def test_every_operation_can_be_asked_for(tmp_path: Path) -> None:
             "mission_hint": await ask(stage, "mission_hint"),
             "stop_mission": await ask(stage, "stop_mission"),
             "mission_report": await ask(stage, "mission_report"),
+            "who_stops": await ask(stage, "who_stops", lesson="first_part"),
             "start_lesson": await ask(stage, "start_lesson", lesson="ring"),
             "join_lesson": await ask(stage, "join_lesson"),
             "answer_lesson": await ask(stage, "answer_lesson", check="1.3", answer="HelloWorldTopic_1_to_2"),

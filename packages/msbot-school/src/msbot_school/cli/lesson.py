@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,12 +11,13 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from msbot.cli.change.robot_access import database_to_read, perform, say, until_stored
-from msbot.cli.robot_options import mistakes_told, robot_and_json_options, robot_options
+from msbot.cli.robot_options import mistakes_told, robot_and_json_options, robot_options, wants_json
 from msbot_agent.cli.group import complain
 from msbot_agent.cli.options import json_option
 from msbot_agent.cli.table import for_terminal, print_table
 from msbot_school.cli.teaching_service import lessons_option
 from msbot_xrce.counting import amount
+from msbot_xrce.errors import ConfigError
 
 if TYPE_CHECKING:
     from msbot_school.lessons.progress import LessonProgress
@@ -82,13 +84,21 @@ def check(path: Path, *, as_json: bool) -> None:
 
 @command.command("start")
 @click.argument("lesson")
+@click.option("--yes", is_flag=True, help="Do not ask.")
 @robot_and_json_options
-def start(lesson: str, db: str | None, robot: str | None) -> None:
+def start(lesson: str, db: str | None, robot: str | None, *, yes: bool) -> None:
     """Set up the robot that runs here for a lesson, and begin.
 
     Its slots and wires become those of the lesson, and simulated parts take the empty slots; `msbot lesson stop`
-    restores everything. If no robot runs: `msbot demo --lesson NAME`.
+    restores everything. If people's programs stop by it, it asks first. If no robot runs: `msbot demo --lesson NAME`.
     """
+    stops = "" if yes else str(perform(db, robot, "who_stops", {"lesson": lesson}).get("words", ""))
+    if stops and (wants_json() or not sys.stdin.isatty()):
+        raise ConfigError(f"{stops}; add --yes to begin without asking")
+    if stops:
+        click.echo(f"{stops[:1].upper()}{stops[1:]}.")
+        if not click.confirm("Begin the lesson?"):
+            raise click.Abort
     say(db, robot, "start_lesson", {"lesson": lesson})
 
 

@@ -35,6 +35,9 @@ class PartsHere(Protocol):
     def is_plugged(self, slot: str, /) -> bool:
         """Whether that part is on the wire."""
 
+    def uid(self, slot: str, /) -> bytes:
+        """The UID of that part, on the wire or not."""
+
     def plug(self, slot: str, /) -> object:
         """Plug it in."""
 

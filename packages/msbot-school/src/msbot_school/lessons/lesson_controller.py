@@ -161,13 +161,18 @@ class LessonController:
             )
         return ""
 
-    async def has_other_slots(self, lesson: str) -> bool:
-        """Whether the robot changes its slots or wires when that lesson begins.
+    async def who_stops(self, lesson: str) -> list[str]:
+        """Whose programs and parts lose their slots when that lesson begins, see `RunningRobot.people_here`.
 
         Raises:
             ConfigError: there is no such lesson, or its blueprint is wrong.
         """
-        return await self._blueprint(self.shelf.get(lesson)) is not None
+        if not self.shelf.is_read:
+            await asyncio.to_thread(self.shelf.refresh)
+        if await self._blueprint(self.shelf.get(lesson)) is None:
+            return []
+        own = self._operations.stand_ins.uids | {self._parts.uid(slot) for slot in self._parts.names}
+        return self._running.people_here(own)
 
     async def end(self, who: str) -> str:
         """See `LessonControl`.

@@ -156,9 +156,14 @@ class HandInList:
         words = page.translate("Handed in: {count}", count=len(found))
         waiting = sum(not one.returned_ns for one in found)
         if waiting and page.may(Right.ARRANGE):
-            words = page.translate(
-                "Handed in: {count}, of which {waiting} wait for you", count=len(found), waiting=waiting
+            words = page.language.count(
+                waiting,
+                "Handed in: {all}; {count} of them waits for you",
+                "Handed in: {all}; {count} of them wait for you",
+                all=len(found),
             )
+            if waiting == len(found) == 1:
+                words = page.translate("Handed in: 1; it waits for you")
         self._link.set_text(words)
         size = sum(one.recording_octets for one in found) / 1e6
         lines = [(one, titles.get(one.lesson, one.lesson), page.when(one.at_ns // 1_000_000)) for one in found]

@@ -132,11 +132,11 @@ class _LessonList:
 
     async def _begin(self, lesson: Lesson) -> None:
         """Begin at once where nobody's program stops by it, else when the person has read whose do."""
-        page, service = self._page, self._page.service
+        page = self._page
         begin = partial(page.act, "start_lesson", lesson=lesson.name)
         stops = ""
         with suppress(MsbotError):  # what is wrong with the lesson is said when it is begun
-            stops = service.gallery.who_stops() if await service.learning.has_other_slots(lesson.name) else ""
+            stops = await page.service.learning.who_stops(lesson.name)
         with page.in_page():
             if not stops:
                 await begin()

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Coroutine, Iterable, Sequence
+from collections.abc import Callable, Container, Coroutine, Iterable, Sequence
 from typing import Protocol, TypeVar
 
 from msbot.config import Blueprint, Library, SlotPort
 from msbot.master import Master
 from msbot.operations.part_names import one_part, one_slot, uid_of
-from msbot.pnp import PartInfo
+from msbot.pnp import PartInfo, PartState
 from msbot.registry import EditKind, EditRecord, Registry, RobotRecord
 from msbot.registry.edits.editing import Making, NotedLine
 from msbot_agent.text.sentence import said
@@ -18,6 +18,7 @@ from msbot_xrce.errors import ConfigError
 _T = TypeVar("_T")
 EMPTY = "empty"
 """The state of a slot without a part."""
+_WAITING = (PartState.CHECKING, PartState.STANDBY)
 
 
 class RunningRobot:
@@ -95,6 +96,21 @@ class RunningRobot:
         """The part with that UID, if it is present."""
         everybody = self.inventory.view(self.now())
         return next((info for info in everybody if info.uid == uid and not info.state.is_over), None)
+
+    def people_here(self, own: Container[bytes]) -> list[str]:
+        """The programs and parts that people run here: a pupil's by its pupil and slot, others by their part.
+
+        Args:
+            own: the UIDs of the robot's own simulated parts, which are nobody's.
+        """
+        found: list[str] = []
+        for info in self.inventory.view(self.now()):
+            if (info.state.is_registered or info.state in _WAITING) and info.uid not in own:
+                pupil = self.inventory.pupil_parts.pupil_of(info.client_key)
+                name = f"{pupil} ({info.slot})" if pupil and info.slot else pupil or info.part
+                if name not in found:
+                    found.append(name)
+        return found
 
     def holder(self, slot: str) -> PartInfo | None:
         """The part that holds a slot."""

@@ -366,6 +366,10 @@ _ROWS = (
         (Argument("down", ArgumentKind.FLAG, default=False, option="--down", help="No help is needed any more."),),
         Right.OPERATE, OperationScope.RUNNING, EditLog.NOTHING, "", "POST /lesson/hand",
     ),
+    Operation(
+        "who_stops", "Whose programs and parts stop when a lesson begins, because the robot gets its slots.",
+        (Argument("lesson", is_needed=True, shown_as="LESSON", help="Its name."),),
+    ),
     Operation("lesson", "The lesson that runs, what has ticked, and a hint for who is stuck."),
     Operation(
         "pause_world", "Stop the time of the world that simulated robots drive in.",

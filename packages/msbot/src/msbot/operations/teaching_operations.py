@@ -10,7 +10,7 @@ from msbot.operations.fault_request import FaultRequest
 from msbot.operations.operation import Outcome
 from msbot.operations.running_robot import RunningRobot
 from msbot.registry import EditKind
-from msbot_agent.text.sentence import said
+from msbot_agent.text.sentence import joined, said
 from msbot_xrce.errors import ConfigError
 
 
@@ -19,6 +19,9 @@ class LessonControl(Protocol):
 
     async def begin(self, lesson: str, who: str) -> str:
         """Set the robot up for a lesson; says what was done."""
+
+    async def who_stops(self, lesson: str) -> Sequence[str]:
+        """Whose programs and parts lose their slots when that lesson begins."""
 
     async def end(self, who: str) -> str:
         """Put everything back; says what was done."""
@@ -34,6 +37,13 @@ class LessonControl(Protocol):
 
     def as_json(self) -> Mapping[str, object]:
         """The lesson that runs."""
+
+
+def people_stop(people: Sequence[str]) -> str:
+    """That programs and parts stop because the robot gets other slots, in words; empty: nobody's."""
+    if not people:
+        return ""
+    return said("programs and parts of people stop: {parts}; their texts are kept", parts=joined(", ", people))
 
 
 class Lessons:
@@ -54,6 +64,11 @@ class Lessons:
     async def start_lesson(self, lesson: str, who: str) -> Outcome:
         """Begin a lesson."""
         return Outcome(await self._the_desk().begin(lesson, who))
+
+    async def who_stops(self, lesson: str) -> Outcome:
+        """Whose programs and parts stop when a lesson begins."""
+        people = list(await self._the_desk().who_stops(lesson))
+        return Outcome(people_stop(people), answer={"people": people})
 
     async def stop_lesson(self, who: str) -> Outcome:
         """End the lesson that runs."""
