@@ -876,8 +876,8 @@ static bool tell_text(msbot_part *part, uint8_t place, const char *text)
     uint8_t told[5 + PIECE] = {0};
     put_u32(told, part->lease);
     told[4] = place;
-    for (unsigned i = 0; i < PIECE && text[i] != 0; i++) {
-        told[5 + i] = (uint8_t)text[i];
+    for (uint8_t *to = told + 5; to < told + sizeof told && *text != 0; to++, text++) {
+        *to = (uint8_t)*text;
     }
     return msbot_xrce_write(&part->client, INVENTORY, MSBOT_RELIABLE, told, sizeof told);
 }
