@@ -180,7 +180,10 @@ class Counting:
     def __init__(self, *, reliable: bool) -> None:
         wish = [] if reliable else ["--best-effort"]
         self._process = subprocess.Popen(
-            [sys.executable, __file__, "--count", *wish], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+            [sys.executable, "-m", "bench.dds", "--count", *wish],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
         )
 
     def __enter__(self) -> Counting:
@@ -248,7 +251,7 @@ async def echo(kind: str) -> None:
 async def round_trips(kind: str = "dds", times: int = 3000) -> tuple[float, float]:
     """p50 and p99 of a round trip to another process, in µs."""
     process = subprocess.Popen(  # noqa: ASYNC220 - before anything is measured
-        [sys.executable, __file__, "--echo", kind], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        [sys.executable, "-m", "bench.dds", "--echo", kind], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
     )
     try:
         with open_space(parse_space(kind)) as space:

@@ -159,7 +159,7 @@ def _part(name: str, random: Random, heard: list[int]) -> Part:
 
 
 def _in_a_process(*words: str) -> dict[str, float]:
-    command = [sys.executable, str(Path(__file__).resolve()), *words]
+    command = [sys.executable, "-m", "bench.growth_of_robots", *words]
     done = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True)
     found: dict[str, float] = json.loads(done.stdout.splitlines()[-1])
     return found
@@ -241,8 +241,7 @@ def _demo(folder: Path) -> Iterator[tuple[int, str]]:
 
 @contextlib.contextmanager
 def _opened(link: str, number: int) -> Iterator[None]:
-    script = Path(__file__).with_name("open_pages.py")
-    command = [sys.executable, str(script), link, "--pages", str(number), "--seconds", "3600"]
+    command = [sys.executable, "-m", "bench.open_pages", link, "--pages", str(number), "--seconds", "3600"]
     with subprocess.Popen(command, stdout=subprocess.DEVNULL) as browsers:
         try:
             time.sleep(SETTLED_S + 0.3 * number)

@@ -133,7 +133,10 @@ class Crowd:
         for number, (first, last) in enumerate(pairwise(edges)):
             words = ["--be-parts", str(first), "--parts", str(last - first), "--link", address, "--flood", str(flood)]
             process = subprocess.Popen(
-                [sys.executable, __file__, *words], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+                [sys.executable, "-m", "bench.many_parts", *words],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                text=True,
             )
             self._processes.append(process)
             threading.Thread(target=self._read, args=(number, process), daemon=True).start()

@@ -123,7 +123,7 @@ class Robot:
     """The robot in its own process."""
 
     def __init__(self, parts: int, *, with_page: bool) -> None:
-        words = [sys.executable, __file__, "--parts", str(parts)]
+        words = [sys.executable, "-m", "bench.page", "--parts", str(parts)]
         serve = [*words, "--serve"] if with_page else [*words, "--serve", "--no-page"]
         self._process = subprocess.Popen(serve, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
         assert self._process.stdout is not None

@@ -91,7 +91,7 @@ async def measure(parts: int, seconds: float) -> None:
     """The master's process."""
     async with part_site(stored=ring(parts)) as site:
         tokens = [await site.token(name) for name in ("bob", "eve", "ada")]
-        command = [sys.executable, __file__, "--address", site.address, "--tokens", ",".join(tokens)]
+        command = [sys.executable, "-m", "bench.page_parts", "--address", site.address, "--tokens", ",".join(tokens)]
         process = await asyncio.create_subprocess_exec(
             *command,
             "--parts",

@@ -25,3 +25,9 @@ def test_every_benchmark_that_is_named_is_started_as_a_module() -> None:
         path.stem for path in (ROOT / "bench").iterdir() if path.suffix == ".py" or (path / "__init__.py").is_file()
     }
     assert {name for name, _ in found} <= there
+
+
+def test_a_benchmark_starts_its_own_processes_as_modules_too() -> None:
+    """By its path it would not find the other modules of `bench`."""
+    texts = {path.name: path.read_text("utf-8") for path in (ROOT / "bench").glob("*.py")}
+    assert [name for name, text in texts.items() if re.search(r"sys\.executable, (str\(Path\()?__file__", text)] == []

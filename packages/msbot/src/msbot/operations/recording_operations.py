@@ -104,7 +104,10 @@ def _check_new(path: Path) -> None:
         raise ConfigError(said("{file} is there already: give the recording another name", file=file))
     if not os.access(folder, os.W_OK):
         raise ConfigError(_not_writable(file, folder))
-    if shutil.disk_usage(folder).free < _LEAST_ROOM:
+    room = shutil.disk_usage(folder)
+    if (
+        room.total and room.free < _LEAST_ROOM
+    ):  # of no size at all: no disk, where a recording says itself what is wrong
         raise ConfigError(said("{file}: the disk of {folder} is full; delete something", file=file, folder=folder))
 
 
