@@ -207,7 +207,8 @@ def test_a_part_in_one_browser_calls_a_part_in_another(visit: Callable[..., Page
     expect_said(brain, "call of look: refused: it turns from 0 to 90 degrees only")
     expect(brain.locator("#ms-prog-ports tr", has_text="look ⇢")).to_contain_text("Angle -> Text")
     expect(camera.locator("#ms-prog-ports tr", has_text="photo ⇠")).to_contain_text("Angle -> Text")
-    brain.get_by_role("dialog").get_by_role("button", name="Close").click()
+    for page in (brain, camera):  # both were offered wires
+        page.get_by_role("dialog").get_by_role("button", name="Close").click()
     press(camera, "Stop")
     expect_said(brain, "call of look: the robot does not pass it on: slot cam_1 is empty")
     write(brain, BRAIN.replace(", on_reply=seen", ""))
