@@ -61,16 +61,17 @@ def test_a_server_is_asked_with_limits(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr(engine_module, "create_engine", make)
     address = parse_address("postgresql://user@host/robots")
+    as_text = {"client_encoding": "utf8"}  # a database made with the locale C gives octets otherwise
     for busy_s, read_only in ((0.01, False), (2.4, False), (2.6, True)):
         make_engine(address, busy_timeout_s=busy_s, read_only=read_only)
     make_lease_engine(address)
     assert made == [
-        (address.url, {"connect_args": {"connect_timeout": 1}, "pool_pre_ping": True}),
-        (address.url, {"connect_args": {"connect_timeout": 2}, "pool_pre_ping": True}),
+        (address.url, {"connect_args": {"connect_timeout": 1, **as_text}, "pool_pre_ping": True}),
+        (address.url, {"connect_args": {"connect_timeout": 2, **as_text}, "pool_pre_ping": True}),
         (
             address.url,
             {
-                "connect_args": {"connect_timeout": 3, "options": "-c default_transaction_read_only=on"},
+                "connect_args": {"connect_timeout": 3, "options": "-c default_transaction_read_only=on", **as_text},
                 "pool_pre_ping": True,
             },
         ),
@@ -81,6 +82,7 @@ def test_a_server_is_asked_with_limits(monkeypatch: pytest.MonkeyPatch) -> None:
                     "connect_timeout": 2,
                     "tcp_user_timeout": 1500,
                     "options": "-c statement_timeout=1500 -c idle_in_transaction_session_timeout=1000",
+                    **as_text,
                 },
                 "pool_size": 1,
                 "isolation_level": "AUTOCOMMIT",
