@@ -26,13 +26,13 @@ import socket
 import statistics
 import subprocess
 import sys
-import tempfile
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from bench.machine import describe_machine
 from bench.result import FOLDER, write_result
+from msbot_agent.process.user_folders import cache_folder, make_own_folder
 
 SOURCE = Path(__file__).with_name("xrce_load.c")
 PING = bytes.fromhex("80000000 02010800 000afffd 02000000")
@@ -204,7 +204,8 @@ def build_generator() -> Path:
     if compiler is None:
         sys.exit("bench/agent.py needs a C compiler for the load generator: install gcc")
     name = f"msbot-xrce-load-{hashlib.sha256(SOURCE.read_bytes()).hexdigest()[:12]}"
-    program = Path(tempfile.gettempdir()) / name
+    program = cache_folder() / name  # it is run: nobody else can put one there
+    make_own_folder(program.parent)
     if not program.exists():
         subprocess.run([compiler, "-std=c11", "-O2", "-o", str(program), str(SOURCE)], check=True)
     return program

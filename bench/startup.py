@@ -32,10 +32,11 @@ from bench.result import write_result
 from msbot.config import open_blueprint, write_sample
 from msbot.registry.records import database_identity
 from msbot.stop.stop_request import ask_masters
+from msbot_agent.process.user_folders import cache_folder, make_own_folder
 
 COMMAND = [sys.executable, "-m", "msbot"]
-CACHE = str(Path(tempfile.gettempdir()) / f"msbot-bench-byte-code-{os.getuid()}")
-"""Where the byte-code of these starts is kept."""
+CACHE = str(cache_folder() / "bench-byte-code")
+"""Where the byte-code of these starts is kept: in a folder in which nobody else can put any."""
 MASTER = ("master", "--link", f"udp:127.0.0.1:{free_port()}")
 
 
@@ -58,6 +59,7 @@ class Started:
 
 def compiled() -> dict[str, str]:
     """The environment of a start whose byte-code is kept."""
+    make_own_folder(Path(CACHE))
     environment = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
     return {**environment, "PYTHONPYCACHEPREFIX": CACHE, "PYTHONUNBUFFERED": "1"}
 

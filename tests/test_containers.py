@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import shlex
+import subprocess
 from pathlib import Path
 
 import pytest
@@ -31,9 +34,33 @@ def test_a_service_may_do_no_more_than_it_has_to(name: str) -> None:
 
 
 def test_no_secret_stands_in_the_files() -> None:
-    text = "".join(path.read_text("utf-8") for path in FOLDER.iterdir())
+    text = "".join(path.read_text("utf-8") for path in FOLDER.iterdir() if path.is_file())
     assert "POSTGRES_PASSWORD:" not in text
     assert SERVICES["database"]["environment"]["POSTGRES_PASSWORD_FILE"] == "/run/secrets/database"
+
+
+@pytest.mark.promise("Other users of the computer read neither keys nor UIDs of parts")
+def test_the_password_of_the_database_is_on_no_command_line(tmp_path: Path) -> None:
+    """What runs in a container is in the computer's list of processes, which every user can read."""
+    shell, option, script = SERVICES["robot"]["command"]
+    program, secret = tmp_path / "msbot", tmp_path / "password"
+    program.write_text('#!/bin/sh\necho "$PGPASSWORD" "$@"\n', "utf-8")
+    program.chmod(0o755)
+    script = script.replace("$$", "$").replace("/run/secrets/database", shlex.quote(str(secret)))
+    environment = {"PATH": f"{tmp_path}:{os.environ['PATH']}"}
+
+    def started() -> subprocess.CompletedProcess[str]:
+        return subprocess.run(
+            [shell, option, script], env=environment, capture_output=True, text=True, check=False, timeout=30
+        )
+
+    assert "No such file" in started().stderr, "without the file nothing is started"
+    assert started().returncode != 0
+    secret.write_text("a1b2c3\n", "utf-8")
+    password, *arguments = started().stdout.split()
+    assert password == "a1b2c3"
+    assert "postgresql://msbot@database/msbot" in arguments
+    assert "a1b2c3" not in " ".join(arguments)
 
 
 def test_prometheus_asks_where_the_robot_serves_its_figures() -> None:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from msbot.process.daemon_threads import DaemonThreads
 from msbot.registry.maintenance import database_maintenance
+from msbot_agent.process.user_folders import make_own_folder
 from msbot_agent.text.sentence import said
 from msbot_xrce.errors import RegistryError
 
@@ -73,7 +74,7 @@ def _back_up(patient_of: Callable[[], Examined]) -> str:
     if folder is None or database is None:
         raise RegistryError(said("this robot runs without a database file: there is nothing to back up"))
     try:
-        folder.mkdir(mode=0o700, parents=True, exist_ok=True)  # a backup contains the keys of parts
+        make_own_folder(folder)  # a backup contains the keys of parts
     except OSError as error:
         raise RegistryError(
             said("{folder} cannot be used for backups: {reason}", folder=str(folder), reason=error.strerror)

@@ -74,6 +74,20 @@ def test_a_slot_that_will_not_do_leaves_the_file_as_it_was(run: Run, monkeypatch
     assert Path("robot.toml").read_bytes() == before
 
 
+@pytest.mark.promise("Other users of the computer change nothing that a program of MsBOT runs")
+def test_what_others_put_beside_the_file_is_not_written_through(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    """In a folder that others may write to: a link in the place of the draft leads to a file of this user."""
+    before = Path("robot.toml").read_bytes()
+    Path("precious").write_text("mine")
+    monkeypatch.setattr("secrets.token_hex", lambda _: "guessed")
+    link = Path(".robot.toml.guessed")
+    link.symlink_to("precious")
+    with pytest.raises(ConfigError, match="cannot be written"):
+        run("slot", "add", "eye", "TCS34725")
+    assert Path("precious").read_text() == "mine"
+    assert Path("robot.toml").read_bytes() == before
+
+
 # check
 
 

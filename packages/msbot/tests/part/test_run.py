@@ -179,3 +179,22 @@ def test_the_uid_of_the_command_line_is_used(monkeypatch: pytest.MonkeyPatch) ->
     monkeypatch.setattr(part, "run_async", run_async)
     run(part, args=["--uid", "0011223344556677", "--quiet"])
     assert seen == [bytes.fromhex("0011223344556677")]
+
+
+def test_a_key_on_the_command_line_is_told_to_be_readable_by_others(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    part = Part("ABCD")
+
+    async def run_async(_link: object) -> None:
+        pass
+
+    monkeypatch.setattr(part, "run_async", run_async)
+    key = "00112233445566778899aabbccddeeff"
+    (tmp_path / "key").write_text(key)
+    run(part, args=["--key", str(tmp_path / "key"), "--uid", "0011223344556677", "--quiet"])
+    assert caplog.messages == []
+    run(part, args=["--key", key, "--uid", "0011223344556677", "--quiet"])
+    (told,) = caplog.messages
+    assert "every user of this computer can read the key" in told
+    assert key not in told

@@ -10,10 +10,15 @@ from pathlib import Path
 
 import pytest
 
+from msbot.master.stop_persistence import StopFile
+from msbot.part.join.uid import write_for_user_alone
+from msbot.pnp import StopRecord
 from msbot_agent.agent.status_files import find_status_files, status_folder, write_status_file
 from msbot_agent.process.user_folders import (
     check_owner,
     is_running,
+    make_own_folder,
+    replace_file,
     running_folder,
     settings_folder,
     state_folder,
@@ -94,3 +99,45 @@ def test_a_process_runs_until_it_has_ended() -> None:
     ended.wait()
     assert not is_running(ended.pid)
     assert is_running(1 << 80), "no number of a process, so nothing is known"
+
+
+@pytest.mark.promise("Other users of the computer change nothing that a program of MsBOT runs")
+def test_folders_of_state_are_the_users_alone_whatever_the_umask_is(tmp_path: Path) -> None:
+    """Who may write to a folder above could put another STOP file, key or list of sessions in the place of the own."""
+    (tmp_path / "home").mkdir(mode=0o700)
+    state = tmp_path / "home/.local/state/msbot"
+    before = os.umask(0)
+    try:
+        StopFile(state / "stop/robot.json").write(StopRecord(3, True, "ann", "fire", 5, 4))
+        write_for_user_alone(state / "key/ABCD", "00")
+        make_own_folder(tmp_path / "home/.cache/msbot/cyphal")
+        make_own_folder(tmp_path / "home")
+        (tmp_path / "file").touch()
+        with pytest.raises(FileExistsError):
+            make_own_folder(tmp_path / "file")
+    finally:
+        os.umask(before)
+    made = list((tmp_path / "home").rglob("*"))
+    assert len(made) == 10
+    assert [str(path) for path in made if path.stat().st_mode & 0o077] == []
+
+
+@pytest.mark.promise("Other users of the computer change nothing that a program of MsBOT runs")
+def test_a_file_is_not_written_through_what_others_put_beside_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, mine = tmp_path / "robot.toml", tmp_path / "mine"
+    mine.write_text("mine")
+    path.write_text("old")
+    path.chmod(0o640)
+    replace_file(path, b"new")
+    assert (path.read_text(), path.stat().st_mode & 0o777) == ("new", 0o640)
+    monkeypatch.setattr("secrets.token_hex", lambda _: "guessed")
+    link = tmp_path / ".robot.toml.guessed"
+    link.symlink_to(mine)
+    with pytest.raises(FileExistsError):
+        replace_file(path, b"newer")
+    assert (path.read_text(), mine.read_text(), link.is_symlink()) == ("new", "mine", True)
+    link.unlink()
+    replace_file(tmp_path / "other", b"first")
+    assert sorted(one.name for one in tmp_path.iterdir()) == ["mine", "other", "robot.toml"]

@@ -13,7 +13,7 @@ import stat
 import sys
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from msbot_xrce.errors import ConfigError
@@ -63,7 +63,7 @@ def running_folder() -> Path:
     if not _is_somebody_elses(usual):
         return instead if instead.is_dir() else usual
     try:
-        instead.mkdir(mode=0o700, parents=True, exist_ok=True)
+        make_own_folder(instead)
         check_owner(instead)
     except (OSError, ConfigError) as error:
         _log.warning("%s is not yours alone, and there is no other place: %s", usual, error)
@@ -95,6 +95,46 @@ def check_owner(folder: Path) -> None:
     info = folder.lstat()
     if not stat.S_ISDIR(info.st_mode) or info.st_uid != os.getuid() or info.st_mode & 0o077:
         raise ConfigError(f"{folder} is not a folder that belongs to you alone: remove it")
+
+
+def make_own_folder(folder: Path) -> None:
+    """Make a folder for this user alone, and those above it that are missing, whatever the umask is.
+
+    Who may write to a folder above could put one of their own in the place of this one.
+
+    Raises:
+        OSError: it cannot be made.
+    """
+    missing = []
+    for one in (folder, *folder.parents):
+        if one.exists():
+            break
+        missing.append(one)
+    for one in (*reversed(missing), folder):
+        one.mkdir(mode=0o700, exist_ok=True)
+
+
+def replace_file(path: Path, content: bytes) -> None:
+    """Write a file, whole or not at all; one that is there already keeps its rights.
+
+    In a folder that others may write to, it is not written through a link that somebody else has put there.
+
+    Raises:
+        OSError: it cannot be written.
+    """
+    import secrets  # most programs write no such file
+
+    draft = path.with_name(f".{path.name}.{secrets.token_hex(4)}")
+    stream = draft.open("xb")
+    try:
+        with stream:
+            stream.write(content)
+        with suppress(FileNotFoundError):
+            draft.chmod(path.stat().st_mode)
+        draft.replace(path)
+    except OSError:
+        draft.unlink(missing_ok=True)
+        raise
 
 
 def is_running(pid: int) -> bool:

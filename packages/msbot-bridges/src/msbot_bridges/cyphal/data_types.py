@@ -22,7 +22,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Final
 
-from msbot_agent.process.user_folders import cache_folder
+from msbot_agent.process.user_folders import cache_folder, make_own_folder
 from msbot_xrce.errors import ConfigError
 
 DEFINITIONS: Final = Path(__file__).parent / "dsdl"
@@ -101,7 +101,7 @@ def compile_types(folder: Path, definitions: Path = DEFINITIONS) -> None:
 
 @contextmanager
 def _staging(folder: Path) -> Iterator[Path]:
-    folder.parent.mkdir(parents=True, exist_ok=True)
+    make_own_folder(folder.parent)
     staging = Path(tempfile.mkdtemp(dir=folder.parent, prefix=_MAKING))
     try:
         yield staging

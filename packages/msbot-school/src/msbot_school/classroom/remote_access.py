@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Final
 from urllib.parse import urlsplit
 
-from msbot_agent.process.user_folders import state_folder
+from msbot_agent.process.user_folders import make_own_folder, state_folder
 from msbot_agent.text.sentence import said
 from msbot_agent.text.untrusted_input import open_input_text
 from msbot_xrce.errors import ConfigError
@@ -102,7 +102,7 @@ class RemoteAccessFile:
     def _write(self, accesses: Sequence[RemoteAccess]) -> None:
         new = self.path.with_suffix(".new")
         try:
-            self.path.parent.mkdir(parents=True, exist_ok=True)
+            make_own_folder(self.path.parent)
             with contextlib.suppress(FileNotFoundError):
                 new.unlink()
             number = os.open(new, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)

@@ -17,7 +17,7 @@ from enum import Enum
 from pathlib import Path
 from typing import Any
 
-from msbot_agent.process.user_folders import alone_in, state_folder
+from msbot_agent.process.user_folders import alone_in, make_own_folder, state_folder
 from msbot_agent.text.sentence import said
 from msbot_agent.text.untrusted_input import read_json
 from msbot_xrce.errors import ConfigError, DatabaseBusy, MsbotError
@@ -255,7 +255,7 @@ class RollOutLog:
         stack = ExitStack()
         try:
             stack.enter_context(_in_this_process)
-            self._path.parent.mkdir(parents=True, exist_ok=True)
+            make_own_folder(self._path.parent)
             stack.enter_context(alone_in(self._path.parent))
         except OSError as error:
             stack.close()

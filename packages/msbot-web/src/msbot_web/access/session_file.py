@@ -23,7 +23,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from msbot_agent.process.user_folders import check_owner, running_folder
+from msbot_agent.process.user_folders import check_owner, make_own_folder, running_folder
 from msbot_agent.text.untrusted_input import read_json
 from msbot_web.access.accounts import Accounts
 from msbot_web.access.clocks import boot_id, since_boot_s
@@ -126,7 +126,7 @@ class SessionFile:
             self._has_failed = True
 
     def _write(self, text: str) -> None:
-        self._path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        make_own_folder(self._path.parent)
         check_owner(self._path.parent)
         new = self._path.with_suffix(".new")
         descriptor = os.open(new, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)

@@ -15,6 +15,7 @@ from msbot.cli.database_place import existing_database
 from msbot.cli.robot_options import db_option
 from msbot_agent.cli.exit_status import ExitStatus
 from msbot_agent.cli.options import WholeRange
+from msbot_agent.process.user_folders import make_own_folder
 from msbot_xrce.counting import amount
 from msbot_xrce.errors import ConfigError
 
@@ -77,7 +78,7 @@ def backup(target: Path, db: str | None, *, keep: int | None) -> None:
 
 def _make_folder(folder: Path) -> None:
     try:
-        folder.mkdir(mode=0o700, parents=True, exist_ok=True)  # a backup contains the keys of parts
+        make_own_folder(folder)  # a backup contains the keys of parts
     except OSError as error:
         raise ConfigError(f"{folder} cannot be used for backups: {error.strerror}; name another folder") from None
 

@@ -24,7 +24,7 @@ from time import monotonic
 
 from msbot.pnp import PartStore
 from msbot.pnp.emergency_stop import StopRecord
-from msbot_agent.process.user_folders import state_folder
+from msbot_agent.process.user_folders import make_own_folder, state_folder
 from msbot_agent.text.sentence import said, whole
 from msbot_agent.text.untrusted_input import read_json
 from msbot_xrce.errors import ConfigError
@@ -137,7 +137,7 @@ class StopFile:
 
     def _made(self, first: bytes) -> int:
         """Put a file with that first place there, as one step; returns it, open."""
-        self.path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        make_own_folder(self.path.parent)
         draft = self.path.with_name(f".{self.path.name}.{secrets.token_hex(4)}")
         opened = os.open(draft, os.O_RDWR | os.O_CREAT | os.O_EXCL | _BINARY, 0o600)
         try:

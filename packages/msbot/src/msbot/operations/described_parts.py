@@ -32,6 +32,7 @@ from msbot.pnp import PartInfo, SelfDescription
 from msbot.process.daemon_threads import DaemonThreads
 from msbot.registry.edits.part_places import forget_part_type
 from msbot.registry.edits.wires import unbind
+from msbot_agent.process.user_folders import replace_file
 from msbot_agent.text.sentence import joined, said
 from msbot_agent.toml.table import MOST_OCTETS, toml_value
 from msbot_xrce.errors import ConfigError, MsbotError
@@ -312,7 +313,7 @@ class DescribedPartAdoption:
             await self._applying.put_in_force(await self._applying.present(), wider, who=who)
         except MsbotError:
             if path is not None and before is not None:
-                await self._in_thread(partial(path.write_text, before, "utf-8"))
+                await self._in_thread(partial(replace_file, path, before.encode()))
             raise
         words = said("{number} is in the library now as its part describes it; its wires stay", number=made.number)
         if lost:
@@ -504,9 +505,8 @@ class DescribedPartAdoption:
 
 def _write(path: Path, described: Described, origin: str) -> Path:
     """Write a library file: one that is half written must not keep the next master from starting."""
-    begun = path.with_suffix(".new")
-    begun.write_text(f"origin = {toml_value(origin)}\n{described.toml}", "utf-8")
-    return begun.replace(path)
+    replace_file(path, f"origin = {toml_value(origin)}\n{described.toml}".encode())
+    return path
 
 
 def _is_same(old: PartType, described: Described, library: Library) -> bool:
@@ -524,9 +524,7 @@ def _write_fit(path: Path, made: PartType) -> None:
     ]
     fits = [f"compatible_with = [{', '.join(toml_value(one) for one in made.compatible_with)}]"]
     fits += [f"lacks = [{', '.join(toml_value(one) for one in made.lacks)}]"] if made.lacks else []
-    begun = path.with_suffix(".new")
-    begun.write_text("\n".join([*fits, *lines]) + "\n", "utf-8")
-    begun.replace(path)
+    replace_file(path, ("\n".join([*fits, *lines]) + "\n").encode())
 
 
 def free_slot_name(info: PartInfo, described: Described, taken: Collection[str]) -> str:

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 from msbot.part.beginner_hints import HandlerWatch, part_is_run
 from msbot.part.imported_program import is_imported_by_test
-from msbot.part.join.part_keys import KEY_VARIABLE, given_key
+from msbot.part.join.part_keys import KEY_VARIABLE, given_key, is_key_file
 from msbot.part.join.uid import parse_uid, stored_uid
 from msbot_agent.link import Link, open_link
 from msbot_agent.link.can import CanSettings, Codec
@@ -29,6 +29,8 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from msbot.part.part import Part
+
+_log = logging.getLogger(__name__)
 
 DEFAULT_LINK = "udp:127.0.0.1:8888"
 LINK_VARIABLE = "MSBOT_LINK"
@@ -127,6 +129,12 @@ def _give_uids(parts: Sequence[Part], uid: str | None) -> None:
 def _give_keys(parts: Sequence[Part], key: str | None) -> None:
     if key is not None and len(parts) > 1:
         raise ConfigError(f"--key is for a program with one part, this one has {len(parts)}")
+    if key is not None and not is_key_file(key):
+        _log.warning(
+            "every user of this computer can read the key in --key (`ps`): write it into a file (chmod 600) and give "
+            "its name, or set $%s",
+            KEY_VARIABLE,
+        )
     for part in parts:
         if key is not None or part.key is None:
             part.key = given_key(key, part.part_number, part.local_name)

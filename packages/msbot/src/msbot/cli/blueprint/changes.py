@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import sys
 from pathlib import Path
 
@@ -19,6 +18,7 @@ from msbot.config import Blueprint, Difference, Library, Slot, differences, open
 from msbot.registry import Registry, open_registry, without_password
 from msbot_agent.cli.exit_status import ExitStatus
 from msbot_agent.cli.options import json_option
+from msbot_agent.process.user_folders import replace_file
 from msbot_xrce.errors import ConfigError
 
 
@@ -232,12 +232,8 @@ def remove(slot: str, db: str | None, robot: str | None) -> None:
 
 
 def _replace(path: Path, content: bytes) -> None:
-    """Rewrite a file, whole or not at all."""
-    draft = path.with_name(f".{path.name}.{os.getpid()}")
+    """Rewrite the file, whole or not at all."""
     try:
-        draft.write_bytes(content)
-        draft.chmod(path.stat().st_mode)
-        draft.replace(path)
+        replace_file(path, content)
     except OSError as error:
-        draft.unlink(missing_ok=True)
         raise ConfigError(f"{path}: cannot be written ({error.strerror})") from None

@@ -127,13 +127,13 @@ def given_key(text: str | None, part_number: str, local_name: str) -> bytes | No
     if text is None:
         path = kept_file("key", part_number, local_name)
         return _read(path) if path.exists() else None
-    path = Path(text).expanduser()
-    return _read(path) if _is_file(path) else parse_key(text)
+    return _read(Path(text).expanduser()) if is_key_file(text) else parse_key(text)
 
 
-def _is_file(path: Path) -> bool:
+def is_key_file(text: str) -> bool:
+    """Whether a text that gives a key is the name of a file with it, not the key itself."""
     try:
-        return path.is_file()
+        return Path(text).expanduser().is_file()
     except OSError:
         return False
 

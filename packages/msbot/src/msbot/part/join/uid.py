@@ -8,7 +8,7 @@ import secrets
 from pathlib import Path
 
 from msbot.part.join.pnp_messages import UID_OCTETS
-from msbot_agent.process.user_folders import state_folder
+from msbot_agent.process.user_folders import make_own_folder, state_folder
 from msbot_xrce.errors import ConfigError
 
 
@@ -56,7 +56,7 @@ def stored_uid(part_number: str, local_name: str, folder: Path | None = None) ->
 def write_for_user_alone(path: Path, text: str) -> None:
     """Write a file that only this user can read, in a folder that only this user can look into: in a robot without keys
     a UID is all that a part shows."""
-    path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+    make_own_folder(path.parent)
     if hasattr(os, "geteuid") and path.parent.stat().st_uid == os.geteuid():
         path.parent.chmod(0o700)  # it may be there already, and its files readable
     with open(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600), "w") as stream:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Final
 
 from msbot.recording.recorder.batch import Item, Kind, RecordedChannel, encode_object, split_state
 from msbot.recording.recorder.recording_file import RecordingFile, RingLimits, Segment, segment_name, segments, too_old
+from msbot_agent.process.user_folders import make_own_folder
 
 if TYPE_CHECKING:
     from msbot.recording.recorder.bag import Bag
@@ -137,7 +138,7 @@ class Storing:
         self._make_room()
         path = self._folder / segment_name(at_ns, self._number)
         try:
-            self._folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+            make_own_folder(self._folder)
             self._ring = RecordingFile(path, at_ns)
             self._write_known(self._ring, at_ns)
             self._number += 1
