@@ -35,6 +35,10 @@ LOOK_S: Final = 0.5
 """Period in which changes are sent and pages are refreshed."""
 QUICK_LOOKS: Final = 5
 """Looks at quick views in that time."""
+NUDGED_S: Final = 0.05
+"""What somebody did is shown so much later: a STOP reaches its parts first; what comes together is shown together."""
+MORE_S: Final = 0.01
+"""Pause between two pieces of work on a view that has changed in many places."""
 LONGEST_PAUSE_S: Final = 3.0
 """Longest time between two of these looks, however late the event loop is."""
 LATE_S: Final = 0.05
@@ -290,7 +294,7 @@ class LiveChannel:
         if view is None:
             view = self._views[key] = make()
             if view.look():
-                self.nudge()
+                self._look_in(0.0)
         if viewer.view is not view:
             self._show(viewer, view)
         return True
@@ -309,9 +313,13 @@ class LiveChannel:
 
     def nudge(self) -> None:
         """Something was done: send what has changed soon, not only with the next look."""
-        if not self._is_nudged and self._views:
+        if self._views:
+            self._look_in(NUDGED_S)
+
+    def _look_in(self, seconds: float) -> None:
+        if not self._is_nudged:
             self._is_nudged = True
-            asyncio.get_running_loop().call_soon(self._look)
+            asyncio.get_running_loop().call_later(seconds, self._look)
 
     def _show(self, viewer: _Viewer, view: LiveView | None) -> None:
         viewer.view, viewer.seen = view, None
@@ -394,7 +402,7 @@ class LiveChannel:
             self._tell(viewer, now, only_quick=only_quick)
         self._busy_s += time() - now
         if is_more:
-            self.nudge()
+            self._look_in(MORE_S)
 
     def _tell(self, viewer: _Viewer, now: float, *, only_quick: bool) -> None:
         line, view = viewer.line, viewer.view
