@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 from collections.abc import Callable
+from typing import Any, Final, Protocol
 
 from starlette.routing import WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
@@ -28,6 +29,23 @@ REFUSED = 4403
 WRONG = 4400
 AGAIN = 4503
 """Closing code of a temporary refusal: the client may try again."""
+PACKETS: Final = "packets"
+"""Where a request's state has the `PacketCarrier` of its connection."""
+_Ending = tuple[int, str]
+"""With which code it is closed, 0: it was by itself; and why."""
+
+
+class PacketCarrier(Protocol):
+    """A connection's short way for packets, past queues and tasks (`websocket_connection.py`)."""
+
+    def carry(self, take: Callable[[bytes], float]) -> None:
+        """Give packets to `take`, which says for how many seconds nothing more may be read.
+
+        What cannot go that way comes as messages, as before.
+        """
+
+    def send_packet(self, packet: bytes) -> bool:
+        """Send a packet; False: it cannot be sent at once."""
 
 
 class PartWebSocket:
@@ -78,15 +96,22 @@ class PartWebSocket:
 
     async def _carry(self, socket: WebSocket, peer: SocketPeer, may_stay: Callable[[], bool]) -> str:
         """Carry packets until the connection ends; returns why it did."""
-        work = [
-            asyncio.ensure_future(task) for task in (_read(socket, peer), _write(socket, peer), _watch(peer, may_stay))
+        reader = _Reader(socket, peer)
+        carrier: PacketCarrier | None = socket.scope["state"].get(PACKETS)
+        if carrier is not None:
+            carrier.carry(reader.take)
+            peer.send_by(carrier.send_packet)
+        work: list[asyncio.Future[_Ending]] = [
+            reader.ending,
+            *map(asyncio.ensure_future, (reader.read(), _write(socket, peer), _watch(peer, may_stay))),
         ]
         try:
             done, _ = await asyncio.wait(work, return_when=asyncio.FIRST_COMPLETED)
         finally:
-            for task in work:
-                task.cancel()
-            await asyncio.gather(*work, return_exceptions=True)
+            every: list[asyncio.Future[Any]] = [*work, *reader.telling]
+            for one in every:
+                one.cancel()
+            await asyncio.gather(*every, return_exceptions=True)
         code, words = done.pop().result()
         if code:
             with contextlib.suppress(WebSocketDisconnect, RuntimeError):  # it went by itself meanwhile
@@ -112,7 +137,7 @@ class PartWebSocket:
         return holds
 
 
-async def _watch(peer: SocketPeer, may_stay: Callable[[], bool]) -> tuple[int, str]:
+async def _watch(peer: SocketPeer, may_stay: Callable[[], bool]) -> _Ending:
     while may_stay():
         if peer.is_silent(asyncio.get_running_loop().time()):
             return WRONG, said("no packet came")
@@ -129,27 +154,54 @@ _CLOSINGS = {
 """Why a browser closes a connection (RFC 6455, 7.4.1), in words."""
 
 
-async def _read(socket: WebSocket, peer: SocketPeer) -> tuple[int, str]:
-    loop = asyncio.get_running_loop()
-    while True:
-        message = await socket.receive()
-        if message["type"] == "websocket.disconnect":
-            code = message.get("code", 1005)
-            return 0, message.get("reason") or _CLOSINGS.get(code, f"code {code}")
-        packet = message.get("bytes")
-        if packet is None:
-            return WRONG, peer.took_text()
+class _Reader:
+    """Takes what comes on a connection."""
+
+    def __init__(self, socket: WebSocket, peer: SocketPeer) -> None:
+        self._socket = socket
+        self._peer = peer
+        self._loop = asyncio.get_running_loop()
+        self.ending: asyncio.Future[_Ending] = self._loop.create_future()
+        """What was no packet ends the connection."""
+        self.telling: set[asyncio.Task[None]] = set()
+        """Sentences on their way to the person."""
+
+    def take(self, packet: bytes) -> float:
+        """Take a packet; returns for how many seconds nothing more may be read."""
+        if self.ending.done():
+            return CHECK_S
         try:
-            pause_s, sentence = peer.receive(packet, loop.time())
+            pause_s, sentence = self._peer.receive(packet, self._loop.time())
         except ValueError as error:
-            return WRONG, str(error)
+            self.ending.set_result((WRONG, str(error)))
+            return CHECK_S
         if sentence:
-            await socket.send_text(language_of(socket).translate(sentence))
-        if pause_s:
-            await asyncio.sleep(pause_s)
+            words = language_of(self._socket).translate(sentence)
+            task = self._loop.create_task(self._tell(words))
+            self.telling.add(task)
+            task.add_done_callback(self.telling.discard)
+        return pause_s
+
+    async def _tell(self, words: str) -> None:
+        with contextlib.suppress(WebSocketDisconnect, RuntimeError):  # it went by itself meanwhile
+            await self._socket.send_text(words)
+
+    async def read(self) -> _Ending:
+        """Take what comes as messages, until the connection ends."""
+        while True:
+            message = await self._socket.receive()
+            if message["type"] == "websocket.disconnect":
+                code = message.get("code", 1005)
+                return 0, message.get("reason") or _CLOSINGS.get(code, f"code {code}")
+            packet = message.get("bytes")
+            if packet is None:
+                return WRONG, self._peer.took_text()
+            pause_s = self.take(packet)
+            if pause_s:
+                await asyncio.sleep(pause_s)
 
 
-async def _write(socket: WebSocket, peer: SocketPeer) -> tuple[int, str]:
+async def _write(socket: WebSocket, peer: SocketPeer) -> _Ending:
     try:
         while True:
             await socket.send_bytes(await peer.next_packet())

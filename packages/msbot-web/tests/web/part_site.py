@@ -24,6 +24,7 @@ from msbot_web.access.access_middleware import AccessMiddleware, CookieNames
 from msbot_web.access.accounts import Accounts
 from msbot_web.access.users import MemoryUsers
 from msbot_web.connection_limits import ConnectionLimits, LimitedConnection
+from msbot_web.nicegui_internals.application import LazyWebSocket
 from msbot_web.part_websocket import PartWebSocket
 from msbot_xrce.counting import Tally
 from msbot_xrce.errors import MsbotError
@@ -114,7 +115,7 @@ async def part_site(slots: int = 2, *, stored: MemoryStore | None = None) -> Asy
     guard = AccessMiddleware(
         app, accounts, ["127.0.0.1"], cookies=CookieNames(), owns=lambda *_: False, beat=lambda: b"{}"
     )
-    config = uvicorn.Config(guard, log_level="error", lifespan="off", ws_max_size=1024 * 1024)
+    config = uvicorn.Config(guard, log_level="error", lifespan="off", ws=LazyWebSocket, ws_max_size=1024 * 1024)
     config.load()
     master = Master(Blueprint(RobotProfile("R", "1", "2", "", ""), ()), stored or store(slots), random=Random(1))
     master.add_link(link)

@@ -17,6 +17,7 @@ from msbot_agent.link.net import WebSocketServerLink
 from msbot_web.access.accounts import Accounts
 from msbot_web.access.users import MemoryUsers
 from msbot_web.part_websocket import AGAIN, CHECK_S, REFUSED, WRONG, PartWebSocket
+from msbot_web.websocket_connection import WebSocketConnection
 from msbot_xrce.errors import LinkDown
 from tests.link.ends import End
 from tests.web.access.test_accounts import PlainHasher, user
@@ -34,6 +35,27 @@ async def test_a_part_that_comes_by_the_page_is_a_part_like_any_other() -> None:
             site.link.tap = lambda _now, way, _peer, packet: heard.append(packet) if way == "in" else None
             await site.until(lambda: len(heard) >= 3)
         await site.until(lambda: site.active() == set())
+
+
+async def test_packets_of_a_part_pass_no_queue_of_the_server(monkeypatch: pytest.MonkeyPatch) -> None:
+    waited: list[object] = []
+    receive, send = WebSocketConnection.receive, WebSocketConnection.send
+
+    async def seen_receive(line: WebSocketConnection) -> Any:
+        waited.append("receive")
+        return await receive(line)
+
+    async def seen_send(line: WebSocketConnection, message: Any) -> None:
+        waited.append(message["type"])
+        await send(line, message)
+
+    monkeypatch.setattr(WebSocketConnection, "receive", seen_receive)
+    monkeypatch.setattr(WebSocketConnection, "send", seen_send)
+    async with part_site() as site, site.part(0, await site.token("bob")):
+        await site.until(lambda: site.active() == {"S0"})
+        await site.until(lambda: site.link.counters.packets_in > 10)
+        assert site.link.counters.packets_out > 3
+        assert waited == ["receive", "websocket.accept", "receive"]
 
 
 async def test_who_may_not_run_parts_reads_why() -> None:

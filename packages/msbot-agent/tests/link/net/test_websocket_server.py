@@ -63,6 +63,44 @@ def test_packets_go_both_ways_and_who_it_is_has_a_name() -> None:
     play(scene)
 
 
+def test_packets_go_at_once_while_nothing_waits_and_never_overtake() -> None:
+    async def scene(link: WebSocketServerLink, end: End) -> None:
+        peer = link.join(ANN)
+        sent: list[bytes] = []
+        has_room = True
+
+        def send_at_once(packet: bytes) -> bool:
+            sent.extend([packet] if has_room else [])
+            return has_room
+
+        async def write() -> None:
+            while True:
+                packet = await peer.next_packet()
+                await asyncio.sleep(1)
+                sent.append(packet)
+
+        peer.send_by(send_at_once)
+        link.send(b"0", peer)  # nobody asks for packets yet
+        writing = asyncio.create_task(write())
+        await asyncio.sleep(2)
+        link.send(b"1", peer)
+        link.send(b"2", peer)
+        assert sent == [b"0", b"1", b"2"]
+        has_room = False
+        link.send(b"3", peer)
+        await asyncio.sleep(0.5)
+        has_room = True
+        link.send(b"4", peer)  # the one before it is on its way
+        assert sent == [b"0", b"1", b"2"]
+        await asyncio.sleep(2)
+        link.send(b"5", peer)
+        assert sent == [b"0", b"1", b"2", b"3", b"4", b"5"]
+        assert end.room.empty()
+        writing.cancel()
+
+    play(scene)
+
+
 def test_who_has_gone_is_sent_nothing_and_brings_nothing() -> None:
     async def scene(link: WebSocketServerLink, end: End) -> None:
         peer = link.join(ANN)

@@ -67,7 +67,7 @@ def _mark_page_scripts() -> None:
 
 
 class LazyWebSocket(asyncio.Protocol):
-    """Becomes uvicorn's own protocol when a connection asks for one."""
+    """Becomes a `WebSocketConnection` when a connection asks for one."""
 
     def __new__(cls, **given: Any) -> Any:  # noqa: ANN401 - whatever uvicorn gives and wants
         """The protocol for one connection."""
@@ -75,8 +75,7 @@ class LazyWebSocket(asyncio.Protocol):
 
 
 def websocket_protocol() -> type[asyncio.Protocol]:
-    """What uvicorn would have chosen at its start; here it is always installed."""
-    from uvicorn.protocols.websockets.auto import AutoWebSocketsProtocol
+    """The protocol."""
+    from msbot_web.websocket_connection import WebSocketConnection
 
-    assert isinstance(AutoWebSocketsProtocol, type)
-    return AutoWebSocketsProtocol
+    return WebSocketConnection

@@ -2,15 +2,15 @@
 
 The page's server owns the connections and knows which person each belongs to; this link knows neither HTTP nor
 sessions. For each connection the server calls `join`, passes packets to `SocketPeer.receive`, sends the packets from
-`SocketPeer.next_packet`, and finally calls `SocketPeer.connection_ended`. A text message from the server is a sentence
-for the person; a part sends none.
+`SocketPeer.next_packet`, and finally calls `SocketPeer.connection_ended`. A server that can also send at once says so
+by `SocketPeer.send_by`. A text message from the server is a sentence for the person; a part sends none.
 """
 
 from __future__ import annotations
 
 import asyncio
 from collections import deque
-from collections.abc import Hashable
+from collections.abc import Callable, Hashable
 
 from msbot_agent.link.base import BaseLink
 from msbot_agent.link.byte_frames import MAX_PACKET
@@ -48,6 +48,9 @@ class SocketPeer:
         self._octets = 0
         self._is_full = False
         self._more = asyncio.Event()
+        self._send_at_once: Callable[[bytes], bool] = _cannot_send
+        self._has_nothing = False
+        """Whether the network has taken every packet, and the server waits for the next one."""
         self._budget = ConnectionRateLimit()
         self._told_at: float | None = None
 
@@ -88,8 +91,15 @@ class SocketPeer:
         self._link.counters.dropped.count(SILENT)
         return True
 
+    def send_by(self, send_at_once: Callable[[bytes], bool]) -> None:
+        """Send packets by this function while nothing waits; it returns False when the packet has to wait."""
+        self._send_at_once = send_at_once
+
     def put(self, packet: bytes) -> None:
-        """Queue a packet for sending; there must be room."""
+        """Send a packet, or queue it for sending; there must be room."""
+        if self._has_nothing and self._send_at_once(packet):
+            return
+        self._has_nothing = False
         self._waiting.append(packet)
         self._octets += len(packet)
         self._is_full = not self.has_room
@@ -99,6 +109,7 @@ class SocketPeer:
         """The next packet to send; a call also says that the network has taken the previous one."""
         while not self._waiting:
             self._more.clear()
+            self._has_nothing = True
             await self._more.wait()
         packet = self._waiting.popleft()
         self._octets -= len(packet)
@@ -110,6 +121,11 @@ class SocketPeer:
     def connection_ended(self, words: str) -> None:
         """The connection has ended, on either side."""
         self._link.peer_gone(self, words)
+
+
+def _cannot_send(_packet: bytes) -> bool:
+    """Nobody can send at once."""
+    return False
 
 
 class WebSocketServerLink(BaseLink):
