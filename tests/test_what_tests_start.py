@@ -10,7 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.e2e.prepared import Prepared
+from tests.e2e.prepared import GROUP, Prepared
+from tests.e2e.processes import run
 from tests.socketcan import machine
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="made for Linux alone")
@@ -30,6 +31,12 @@ def test_the_copies_of_a_prepared_process_end_with_the_tests(tmp_path: Path) -> 
     finally:
         os.close(ended)
         copy.forget()
+
+
+@pytest.mark.parametrize(("words", "env"), [(("--stop-group", ""), {}), ((), {GROUP: ""})])
+def test_no_test_says_stop_to_the_robots_of_others(words: tuple[str, ...], env: dict[str, str]) -> None:
+    with pytest.raises(AssertionError, match="would stop every robot on this computer"):
+        run("stop", *words, env=env)
 
 
 @pytest.mark.parametrize("tests_end", [False, True])

@@ -26,6 +26,7 @@ import sys
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from functools import cache
+from itertools import pairwise
 from pathlib import Path
 from threading import Lock
 from typing import IO, TypeAlias
@@ -34,6 +35,7 @@ MSBOT = (sys.executable, "-m", "msbot")
 REAL = "MSBOT_REAL_PROCESSES"
 NETWORK = "MSBOT_TEST_NETWORK"
 """In the environment of a command: the name of the network that it shall run in (`tests.networks`)."""
+GROUP = "MSBOT_STOP_GROUP"
 NEW_NETWORK = 0x40000000
 """CLONE_NEWNET of setns(2)."""
 LARGEST = 1 << 20
@@ -70,6 +72,7 @@ def start(
     limits: tuple[int, int] | None = None,
 ) -> subprocess.Popen[bytes] | Copy:
     """Start `msbot` with these arguments; the system ends it beyond its limits: processor seconds, octets of memory."""
+    assert_no_stop_for_all(arguments, env)
     changed = {name for name in {*env, *os.environ} if env.get(name) != os.environ.get(name)} - {"PYTHONUNBUFFERED"}
     if sys.platform != "linux" or REAL in env or any(name.startswith(STARTS) for name in changed):
         there = ["ip", "netns", "exec", env[NETWORK]] if NETWORK in env else []
@@ -83,6 +86,13 @@ def start(
     with _TURN:
         prepared = _prepared()
     return prepared.copy((list(arguments), str(cwd or Path.cwd()), dict(env), limits), out, error)
+
+
+def assert_no_stop_for_all(arguments: Sequence[str], env: Mapping[str, str]) -> None:
+    """A STOP for no group reaches every robot of the user, also those of other workers and of people: their sockets are
+    in one folder, whatever network and folders of its own a command has."""
+    groups = [after for word, after in pairwise(arguments) if word == "--stop-group"] or [env.get(GROUP, "")]
+    assert all(groups), f"{' '.join(arguments)} would stop every robot on this computer: give it a STOP group"
 
 
 @cache

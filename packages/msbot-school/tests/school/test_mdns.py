@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 
 from msbot.config import SAMPLE_ROBOT_TOML, load_library, parse_blueprint
 from msbot.registry import open_registry
+from msbot.stop.socket_names import GROUP_VARIABLE
 from msbot_school.classroom.mdns import LONGEST, check_class_name, parse_announcement
 from msbot_xrce.errors import ConfigError
 from tests.e2e.prepared import NETWORK
@@ -71,6 +72,7 @@ def network() -> Iterator[Network]:
 
 def test_one_that_is_told_to_is_found_and_stopped_only_with_an_access(network: Network, tmp_path: Path) -> None:
     desk = {NETWORK: network.desk, "XDG_STATE_HOME": str(tmp_path / "desk"), "XDG_RUNTIME_DIR": str(tmp_path)}
+    group = os.environ[GROUP_VARIABLE]  # both computers have one file system: without a group, all tests' robots stop
     (tmp_path / "robot.toml").write_text(SAMPLE_ROBOT_TOML)
     library = load_library()
     with open_registry(str(tmp_path / "robot.db")) as registry:
@@ -112,23 +114,23 @@ def test_one_that_is_told_to_is_found_and_stopped_only_with_an_access(network: N
         desk |= _alone(tmp_path)
         joined = run("class", "join", found[0]["page"], cwd=elsewhere, env=desk | {"MSBOT_TOKEN": token})
         assert joined.returncode == 0, joined.stderr
-        stopped = run("class", "stop", "--stop-group", "", cwd=elsewhere, env=desk)
+        stopped = run("class", "stop", "--stop-group", group, cwd=elsewhere, env=desk)
         assert (stopped.returncode, stopped.stderr) == (0, "")
         assert "STOP holds; no part is in the robot" in stopped.stdout
         network.cut()
-        cut = run("class", "stop", "--stop-group", "", cwd=elsewhere, env=desk)
+        cut = run("class", "stop", "--stop-group", group, cwd=elsewhere, env=desk)
         assert cut.returncode == 2
         assert f"NOT told: http://{BODY}:8080: Network is unreachable" in cut.stdout
         assert "NOT stopped: MSBOT_MASTER" in cut.stderr
         network.heal()
-        assert run("class", "stop", "--stop-group", "", cwd=elsewhere, env=desk).returncode == 0
+        assert run("class", "stop", "--stop-group", group, cwd=elsewhere, env=desk).returncode == 0
 
 
 def _alone(folder: Path) -> dict[str, str]:
     """Nobody's master runs on this computer."""
     place = folder / "alone"
     place.mkdir(exist_ok=True)
-    return {"XDG_RUNTIME_DIR": str(place), "MSBOT_STOP_GROUP": f"{os.getpid()}alone"}
+    return {"XDG_RUNTIME_DIR": str(place), GROUP_VARIABLE: f"{os.getpid()}alone"}
 
 
 def test_a_computer_in_no_network_is_told(tmp_path: Path) -> None:
