@@ -27,6 +27,7 @@ from msbot_bridges.bridge.contract import (
     worlds,
 )
 from msbot_bridges.bridge.thread import WorldThread
+from msbot_bridges.bridge.threaded_device import ThreadedDevice
 
 __all__ = [
     "Bridge",
@@ -45,6 +46,7 @@ __all__ = [
     "Input",
     "Report",
     "SimulatedDevice",
+    "ThreadedDevice",
     "Value",
     "World",
     "WorldHost",

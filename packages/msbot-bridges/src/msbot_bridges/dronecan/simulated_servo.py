@@ -6,12 +6,10 @@ octets follow. From any other image it starts again with the software that it ha
 
 from __future__ import annotations
 
-import asyncio
 import hashlib
 import logging
 import math
 import re
-import threading
 from typing import Any, Final
 
 import dronecan
@@ -19,6 +17,7 @@ from dronecan import uavcan
 from dronecan.driver.common import DriverError
 
 import can
+from msbot_bridges.bridge import ThreadedDevice
 from msbot_bridges.canbus import open_bus
 from msbot_bridges.canbus.image_folder import MOST_OCTETS
 from msbot_bridges.dronecan.can_driver import PythonCanDriver
@@ -35,7 +34,7 @@ _PIECE: Final = 256
 _log = logging.getLogger("msbot.part")
 
 
-class SimulatedServo:
+class SimulatedServo(ThreadedDevice):
     """The servo.
 
     Args:
@@ -45,29 +44,15 @@ class SimulatedServo:
     """
 
     def __init__(self, address: str, node_id: int = 42, actuator_id: int | None = None) -> None:
+        super().__init__()
         self.position = 0.0
         """In radians."""
         self.speed = 30
         self._target = 0.0
         self._address, self._node_id = address, node_id
         self._actuator_id = node_id if actuator_id is None else actuator_id
-        self._ended = threading.Event()
         self.software = (1, 0)
         self._restarts = self._is_updating = False
-
-    async def run(self) -> None:
-        """See `SimulatedDevice`."""
-        running = asyncio.create_task(asyncio.to_thread(self.run_in_thread))
-        try:
-            await asyncio.wait([running])
-        finally:
-            self.end()
-            await asyncio.gather(running, return_exceptions=True)
-        running.result()
-
-    def end(self) -> None:
-        """Pull it off its bus."""
-        self._ended.set()
 
     def run_in_thread(self) -> None:
         """Run until `end`.

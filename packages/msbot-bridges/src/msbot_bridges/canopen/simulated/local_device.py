@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import asyncio
 import logging
-import threading
 import time
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
@@ -26,6 +24,7 @@ from canopen.objectdictionary import (
 )
 
 import can
+from msbot_bridges.bridge import ThreadedDevice
 from msbot_bridges.canbus import open_bus
 from msbot_bridges.canopen.canopen_bus import HEARTBEAT, SYNC_ID, BridgeNetwork
 from msbot_bridges.canopen.lss import ANSWER_ID as LSS_ANSWER
@@ -109,7 +108,7 @@ def add_pdos(dictionary: ObjectDictionary, node_id: int, sent: Sequence[int], re
             dictionary.add_object(array)
 
 
-class LocalDevice(ABC):
+class LocalDevice(ThreadedDevice):
     """A simulated device.
 
     Args:
@@ -119,11 +118,11 @@ class LocalDevice(ABC):
     """
 
     def __init__(self, address: str, node_id: int, dictionary: ObjectDictionary) -> None:
+        super().__init__()
         self.node = canopen.LocalNode(node_id, dictionary)
         self.slave = LssSlave(self.lss_address)
         self.slave.node_id = node_id
         self._address = address
-        self._ended = threading.Event()
         self._sent_at = dict[int, float]()
         self._sent = dict[int, bytes]()
         self._state = 0
@@ -133,20 +132,6 @@ class LocalDevice(ABC):
         """How often what was written into its dictionary made no sense."""
         self._syncs_sent = dict[int, int]()
         """How many SYNCs there were when each PDO was sent."""
-
-    async def run(self) -> None:
-        """See `SimulatedDevice`."""
-        running = asyncio.create_task(asyncio.to_thread(self.run_in_thread))
-        try:
-            await asyncio.wait([running])
-        finally:
-            self.end()
-            await asyncio.gather(running, return_exceptions=True)
-        running.result()
-
-    def end(self) -> None:
-        """Pull it off its bus."""
-        self._ended.set()
 
     def run_in_thread(self) -> None:
         """Run until `end`; at another bit rate, once it was told so.

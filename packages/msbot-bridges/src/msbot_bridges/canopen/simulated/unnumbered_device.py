@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import asyncio
-import threading
 from collections.abc import Callable
 from typing import Final
 
 import can
+from msbot_bridges.bridge import ThreadedDevice
 from msbot_bridges.canbus import FrameSender, open_bus
 from msbot_bridges.canopen.lss import ANSWER_ID, REQUEST_ID, LssAddress
 from msbot_bridges.canopen.simulated.local_device import LocalDevice
@@ -17,7 +16,7 @@ from msbot_xrce.errors import LinkDown
 WAIT_S: Final = 0.1
 
 
-class UnnumberedDevice:
+class UnnumberedDevice(ThreadedDevice):
     """A simulated device that waits for its node id, and then is what it is; it keeps the id until it ends.
 
     Args:
@@ -27,24 +26,14 @@ class UnnumberedDevice:
     """
 
     def __init__(self, address: str, who: LssAddress, make: Callable[[int], LocalDevice]) -> None:
+        super().__init__()
         self.slave = LssSlave(who)
         self.device: LocalDevice | None = None
         self._address, self._make = address, make
-        self._ended = threading.Event()
-
-    async def run(self) -> None:
-        """See `SimulatedDevice`."""
-        running = asyncio.create_task(asyncio.to_thread(self.run_in_thread))
-        try:
-            await asyncio.wait([running])
-        finally:
-            self.end()
-            await asyncio.gather(running, return_exceptions=True)
-        running.result()
 
     def end(self) -> None:
         """Pull it off its bus."""
-        self._ended.set()
+        super().end()
         if self.device is not None:
             self.device.end()
 
