@@ -109,9 +109,10 @@ def test_no_name_of_a_network_gets_out_of_its_line() -> None:
 
 def test_the_bus_is_a_way_to_the_robot_where_a_hat_is_set() -> None:
     hat = Settings(can="mcp2515-8mhz")
-    assert "can:can0" in system_files.master(hat, bus_is_up=True)
-    assert "can:can0" not in system_files.master(hat, bus_is_up=False)  # a hat that is not there stops no robot
-    assert "can:can0" not in system_files.master(Settings(), bus_is_up=True)
+    assert "can:can0" in system_files.master(hat, bus_is_up=True, is_open=True)
+    # A hat that is not there stops no robot.
+    assert "can:can0" not in system_files.master(hat, bus_is_up=False, is_open=True)
+    assert "can:can0" not in system_files.master(Settings(), bus_is_up=True, is_open=True)
     assert "bitrate 250000" in system_files.can(Settings(can="mcp2515-8mhz", can_bitrate=250_000))
     assert 'MSBOT_CAN=""' in system_files.can(Settings())
 
@@ -251,6 +252,32 @@ def test_a_way_back_before_the_first_start_leaves_the_database_alone(store: Stor
     store.ask_back()
     assert store.begin().current == ""
     assert store.database.read_text() == "old"
+
+
+@needs_dpkg
+@pytest.mark.parametrize("healthy", [True, False])
+def test_a_way_back_that_is_asked_for_while_the_trial_ends_is_not_lost(
+    store: Store, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, healthy: bool
+) -> None:
+    """Two programs write the same file: the page's helper, and the trial's."""
+    store.take_in(package(tmp_path, "0.2.0"), "0.1.0")
+    store.begin()
+    versions = Store.versions
+    asking: list[threading.Thread] = []
+
+    def reads_and_is_late(self: Store) -> Versions:
+        found = versions(self)
+        if not asking:
+            asking.append(threading.Thread(target=store.ask_back))
+            asking[0].start()
+            asking[0].join(0.5)  # it waits for the trial
+        return found
+
+    monkeypatch.setattr(Store, "versions", reads_and_is_late)
+    store.end_trial(healthy=healthy)
+    asking[0].join()
+    now = store.versions()
+    assert (now.back, now.trial, now.told) == (True, not healthy, "updated" if healthy else "")
 
 
 @needs_dpkg
@@ -463,13 +490,60 @@ def test_an_administrator_whom_the_robot_refuses_is_a_mistake_in_the_file(
     system.refuses = ("add", "passwd")
     system.start()
     told = (boot / "msbot-setup-mistakes.txt").read_bytes().decode()
-    assert told == "msbot-setup.toml has set everything but the administrator:\r\na name has no spaces\r\n"
+    first, mistake, closed = told.splitlines()
+    assert (first, mistake) == ("msbot-setup.toml has set everything but the administrator:", "a name has no spaces")
+    assert closed == "Until it is corrected or removed, no visitor of the page can become the administrator."
     assert "correct horse" in (boot / "msbot-setup.toml").read_text()
     # The power went before the file was wiped: the person is there already, and gets the password again.
     system.refuses = ("add",)
     system.start()
     assert [one for one in system.programs if "passwd" in one]
     assert sorted(path.name for path in boot.iterdir()) == ["config.txt"]
+
+
+@pytest.mark.promise("A set-up file with a mistake never leaves a card's page to the first visitor")
+@pytest.mark.parametrize(
+    ("text", "refuses"),
+    [
+        ("[administrator]\nname = 'ann'\npassword = 'short'\n", ()),
+        ("[adminstrator]\nname = 'ann'\npassword = 'correct horse'\n", ()),  # what was meant cannot be seen any more
+        ("name = 'lab", ()),
+        ("[administrator]\nname = 'ann b'\npassword = 'correct horse'\n", ("add", "passwd")),
+        (None, ()),  # a folder of that name
+    ],
+)
+def test_while_a_set_up_file_is_wrong_no_visitor_becomes_the_administrator(
+    system: Recorded, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str | None, refuses: tuple[str, ...]
+) -> None:
+    monkeypatch.setattr(Path, "is_mount", lambda path: path.name == "data")
+    boot, options = tmp_path / "root/boot/firmware", tmp_path / "root/etc/msbot/master.env"
+
+    def starts_open() -> bool:
+        system.start()
+        system.use_bus()  # the master is about to start
+        return "--open-set-up" in options.read_text()
+
+    assert starts_open()
+    file = boot / "msbot-setup.toml"
+    if text is None:
+        file.mkdir()
+    else:
+        file.write_text(text)
+    system.refuses = refuses
+    assert not starts_open()
+    assert not starts_open(), "nor after another start"
+    ask(system, {"do": "change", "settings": {"name": "lab"}})
+    assert "--open-set-up" not in options.read_text()
+    assert "no visitor of the page can become" in (boot / "msbot-setup-mistakes.txt").read_text()
+    if text is None:
+        file.rmdir()
+    else:
+        file.unlink()
+    assert starts_open(), "it is as if there had been no file"
+    assert sorted(path.name for path in boot.iterdir()) == ["config.txt"]
+    system.refuses = ()
+    file.write_text("[administrator]\nname = 'ann'\npassword = 'correct horse'\n")
+    assert starts_open(), "it was taken in, and ann can sign in: the page is open to nobody else"
 
 
 def test_what_a_program_of_the_system_says_and_why_it_fails(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:

@@ -248,7 +248,12 @@ class WebServer:
         cookies = cookie_names(self.page_id)
         app.include_router(
             make_forms(
-                service.accounts, service.robot_name, cookies, service.pupils.passes, is_open=settings.open_set_up
+                service.accounts,
+                service.robot_name,
+                cookies,
+                service.pupils.passes,
+                is_open=settings.open_set_up,
+                is_on_card=lambda: service.is_on_card,
             )
         )
         app.include_router(make_stop_api(service))

@@ -450,9 +450,14 @@ class Service:
 
     # The card that the computer runs from
 
+    @property
+    def is_on_card(self) -> bool:
+        """Whether the computer runs from a card of MsBOT."""
+        return self._card.is_there
+
     def has_card(self, session: Session) -> bool:
         """Whether there is something to set about the computer, for this person."""
-        return session.may(Right.ADMINISTER) and self._card.is_there
+        return session.may(Right.ADMINISTER) and self.is_on_card
 
     async def card(self, session: Session) -> CardState:
         """The card as it is."""

@@ -27,7 +27,13 @@ _DEVICE_S = 365 * 24 * 3600
 
 
 def make_forms(
-    accounts: Accounts, robot: str, cookies: CookieNames, passes: TicketCodes | None = None, *, is_open: bool = False
+    accounts: Accounts,
+    robot: str,
+    cookies: CookieNames,
+    passes: TicketCodes | None = None,
+    *,
+    is_open: bool = False,
+    is_on_card: Callable[[], bool] = lambda: False,
 ) -> APIRouter:
     """The pages `/login`, `/setup`, `/enter`, `/join` and `/logout`; with tickets of pupils `/pass` and `/come`, too.
 
@@ -37,6 +43,7 @@ def make_forms(
         cookies: what the cookies are called.
         passes: the tickets of pupils; None: there are none.
         is_open: whether the first visitor sets the page up without the link.
+        is_on_card: says whether the robot runs from a card of MsBOT; where that is not open, a set-up file is wrong.
     """
     router = APIRouter(include_in_schema=False)
 
@@ -65,7 +72,7 @@ def make_forms(
         if accounts.needs_setup and not accounts.has_entry_link:
             if is_open:
                 return page(request, "set_up", "Set-up", token=accounts.setup_token())
-            return page(request, "set_up_hint", "Set-up")
+            return page(request, "set_up_hint", "Set-up", is_on_card=is_on_card())
         ended = accounts.sessions.why_ended(request.cookies.get(cookies.session, ""))
         why = language_of(request).translate(ended)
         return page(request, "sign_in", "Sign in", wanted=local_path(next), why=why)

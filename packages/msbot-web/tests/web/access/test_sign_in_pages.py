@@ -79,6 +79,18 @@ async def test_until_somebody_is_set_up_the_sign_in_says_where_the_link_is(brows
     assert "set-up link" in (await browser.get("/login")).text
 
 
+async def test_a_card_whose_set_up_file_is_wrong_says_where_the_mistake_is_told(accounts: Accounts) -> None:
+    app = FastAPI()
+    app.include_router(make_forms(accounts, "Robby", COOKIES, is_on_card=lambda: True))
+    async with httpx.AsyncClient(transport=httpx.ASGITransport(app), base_url=HOME) as client:
+        said = (await client.get("/login")).text
+        form = {"token": "", "name": "eve", "password": "correct horse", "again": "correct horse"}
+        assert (await client.post("/setup", data=form)).status_code == 403
+    assert "msbot-setup-mistakes.txt" in said
+    assert "terminal" not in said  # it has none
+    assert accounts.setup_token() not in said
+
+
 async def test_signing_in_and_out(accounts: Accounts, browser: httpx.AsyncClient) -> None:
     await accounts.set_up(accounts.setup_token(), "ada", "correct horse")
     assert 'name="password"' in (await browser.get("/login")).text

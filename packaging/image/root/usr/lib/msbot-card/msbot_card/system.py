@@ -19,6 +19,7 @@ from msbot_card.updates import LARGEST as LARGEST_PACKAGE
 from msbot_card.updates import PACKAGE, Store, UpdateError
 
 SETUP, TROUBLE = "msbot-setup.toml", "msbot-setup-mistakes.txt"
+CLOSED = "Until it is corrected or removed, no visitor of the page can become the administrator."
 LARGEST_CONFIG = 100_000
 _IFF_UP = 1
 PROGRAM_S = 240.0
@@ -99,9 +100,12 @@ class System:
         try:
             text = read(self._boot / SETUP, LARGEST)
         except OSError as error:
-            say(f"{SETUP} cannot be read: {error}")
+            self._explain("cannot be read", error.strerror or str(error))
             return None
         if text is None:
+            if (self._boot / TROUBLE).exists():  # the file was removed, and not corrected
+                with Writable(self):
+                    remove(self._boot / TROUBLE)
             return None
         try:
             after, administrator = parse(text, before)
@@ -115,7 +119,7 @@ class System:
         """Write down what is wrong with the set-up file, which stays, beside it."""
         say(f"{SETUP} {head}: {mistake}")
         with Writable(self):
-            keep(self._boot / TROUBLE, f"{SETUP} {head}:\r\n{mistake}\r\n".encode())
+            keep(self._boot / TROUBLE, f"{SETUP} {head}:\r\n{mistake}\r\n{CLOSED}\r\n".encode())
 
     def _add(self, administrator: Administrator) -> str:
         """Let the administrator sign in; the password goes to the robot's own program, which keeps a hash of it.
@@ -168,7 +172,7 @@ class System:
             "hosts": system_files.hosts(settings),
             "issue": system_files.issue(settings),
             "msbot/can.env": system_files.can(settings),
-            "msbot/master.env": system_files.master(settings, bus_is_up=self._bus_is_up),
+            "msbot/master.env": self._master(settings),
         }.items():
             (etc / name).write_text(text, "utf-8")
         path = etc / "wpa_supplicant/wpa_supplicant-wlan0.conf"
@@ -182,15 +186,20 @@ class System:
         flags = read(self._root / "sys/class/net/can0/flags", 32)
         return flags is not None and bool(int(flags, 16) & _IFF_UP)
 
+    def _master(self, settings: Settings) -> str:
+        # Whoever wrote a set-up file means to say who the administrator is: while it waits there with a mistake, a
+        # stranger who opens the page first must not be.
+        waits = os.path.lexists(self._boot / SETUP)
+        return system_files.master(settings, bus_is_up=self._bus_is_up, is_open=not waits)
+
     def use_bus(self) -> None:
-        """Write the master's options as the bus is; `msbot-master` does so before each start."""
-        text = system_files.master(self.settings(), bus_is_up=self._bus_is_up)
-        (self._root / "etc/msbot/master.env").write_text(text, "utf-8")
+        """Write the master's options as bus and set-up file are; `msbot-master` does so before each start."""
+        (self._root / "etc/msbot/master.env").write_text(self._master(self.settings()), "utf-8")
 
     def bus_came(self) -> None:
         """Have a master that runs already use a bus that has just come up."""
         text = (self._root / "etc/msbot/master.env").read_text("utf-8")
-        if text != system_files.master(self.settings(), bus_is_up=self._bus_is_up):
+        if text != self._master(self.settings()):
             self._run("systemctl", "--no-block", "try-restart", "msbot-master.service")
 
     def _name(self, name: str) -> None:

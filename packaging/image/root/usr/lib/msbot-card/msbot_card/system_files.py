@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from msbot_card.settings import Settings
 
-MASTER = "--host 0.0.0.0 --port 80 --open-set-up --link udp:0.0.0.0:8888"
+MASTER = "--host 0.0.0.0 --port 80 --link udp:0.0.0.0:8888"
 """Options of the robot's master on the card."""
 
 
@@ -23,10 +23,17 @@ def can(settings: Settings) -> str:
     return f'MSBOT_CAN="{asked}"\n'
 
 
-def master(settings: Settings, *, bus_is_up: bool) -> str:
+def master(settings: Settings, *, bus_is_up: bool, is_open: bool) -> str:
     """`/etc/msbot/master.env`: a CAN bus that is up is one of the ways to the robot; the master refuses one that is
-    not, and its page would be gone with it."""
-    return f'MSBOT_MASTER="{MASTER}{" --link can:can0" if settings.can != "none" and bus_is_up else ""}"\n'
+    not, and its page would be gone with it.
+
+    Args:
+        settings: what is set.
+        bus_is_up: whether the CAN bus is.
+        is_open: whether the first visitor becomes the administrator.
+    """
+    bus = " --link can:can0" if settings.can != "none" and bus_is_up else ""
+    return f'MSBOT_MASTER="{MASTER}{bus}{" --open-set-up" if is_open else ""}"\n'
 
 
 def hosts(settings: Settings) -> str:

@@ -21,7 +21,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path, PurePosixPath
 from typing import IO
 
-from msbot_card.files import keep, read, sync_folder
+from msbot_card.files import alone_in, keep, read, sync_folder
 
 LARGEST = 300 << 20
 """Octets of a package."""
@@ -210,7 +210,8 @@ class Store:
         place.parent.mkdir(mode=0o755, exist_ok=True)
         growing.rename(place)
         sync_folder(place.parent)
-        made = self._keep(Versions(current=version, former=now.current, trial=True, told=""))
+        with alone_in(self.folder):
+            made = self._keep(Versions(current=version, former=now.current, trial=True, told=""))
         self._forget_others(made)
         return made
 
@@ -220,10 +221,11 @@ class Store:
         Raises:
             UpdateError: there is no former version.
         """
-        now = self.versions()
-        if not now.current:
-            raise UpdateError("there is no former version", "former")
-        return self._keep(replace(now, back=True))
+        with alone_in(self.folder):  # the trial may end in this moment
+            now = self.versions()
+            if not now.current:
+                raise UpdateError("there is no former version", "former")
+            return self._keep(replace(now, back=True))
 
     def _go_back(self, now: Versions) -> Versions:
         """Have the former version run from now on, with its own database; the newer one is kept beside it.
@@ -274,10 +276,12 @@ class Store:
 
     def end_trial(self, healthy: bool) -> Versions:
         """Note what came of the trial; the next start goes back if the page was not well."""
-        now = self.versions()
-        if not now.trial:
-            return now
-        return self._keep(replace(now, trial=False, starts=0, told="updated") if healthy else replace(now, back=True))
+        with alone_in(self.folder):  # somebody may ask for the way back in this moment
+            now = self.versions()
+            if not now.trial:
+                return now
+            after = replace(now, trial=False, starts=0, told="updated") if healthy else replace(now, back=True)
+            return self._keep(after)
 
     def _copy_database(self, copy: Path) -> None:
         growing = self.folder / f"{UNFINISHED}database"
