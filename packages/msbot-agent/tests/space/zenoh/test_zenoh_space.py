@@ -278,9 +278,9 @@ async def test_a_closed_reader_gets_nothing_and_a_closed_writer_gives_nothing(
     pair: tuple[ZenohSpace, ZenohSpace],
 ) -> None:
     here, there = pair
-    inbox, late = Inbox(), Inbox()
+    inbox, seen, late = Inbox(), Inbox(), Inbox()
     reader = there.reader(LIGHT, KEPT, inbox)
-    watching = there.reader(LIGHT, KEPT, Inbox())
+    watching = there.reader(LIGHT, KEPT, seen)
     writer = here.writer(LIGHT, KEPT, guid(1))
     await matched(writer)
     writer.write(b"1")
@@ -290,6 +290,7 @@ async def test_a_closed_reader_gets_nothing_and_a_closed_writer_gives_nothing(
     writer.write(b"2")
     writer.close()
     await until(lambda: not watching.inlets[0]._neighbours)  # type: ignore[attr-defined]
+    await until(lambda: seen.payloads == [b"1", b"2"])  # the word that the writer has closed overtakes its samples
     other = here.writer(LIGHT, KEPT, guid(2))
     other.write(b"3")
     there.reader(LIGHT, KEPT, late)

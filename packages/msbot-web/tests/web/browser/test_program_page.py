@@ -453,6 +453,8 @@ def test_the_ready_programs_of_a_phone_reach_the_robot(open_desk: Callable[..., 
 
 def test_a_second_program_for_a_slot_is_told_that_it_waits(open_desk: Callable[..., Page]) -> None:
     first, second = open_desk("?name=01_hello.py"), open_desk("?name=01_hello.py", elsewhere=True)
+    for page in (first, second):
+        write(page, (EXAMPLES / "01_hello.py").read_text())  # ada has another program of that name by now
     press(first, "Run")
     expect_state(first, "active")
     press(second, "Run")
