@@ -118,6 +118,20 @@ def test_a_package_has_programs_for_its_own_processor_only(tmp_path: Path) -> No
     assert debian_package._of_another_machine(tmp_path, "amd64") == [Path("a.so.1")]
 
 
+def test_everybody_may_read_what_somebody_with_private_files_has_made(tmp_path: Path) -> None:
+    tree, before = tmp_path / "root", os.umask(0o077)
+    try:
+        (tree / "usr/bin").mkdir(parents=True)
+        (tree / "usr/bin/text").touch()
+        (tree / "usr/bin/program").touch(0o700)
+        (tree / "usr/bin/link").symlink_to("../../../elsewhere")
+    finally:
+        os.umask(before)
+    debian_package.make_public(tree)
+    modes = {path.name: path.stat().st_mode & 0o777 for path in (tree, *tree.rglob("*")) if path.name != "link"}
+    assert modes == {"root": 0o755, "usr": 0o755, "bin": 0o755, "text": 0o644, "program": 0o755}
+
+
 def test_a_processor_without_wheels_is_refused(tmp_path: Path) -> None:
     if shutil.which("dpkg-deb") is None or not debian_package.PYTHON.exists():
         pytest.skip("a package is made on Debian")
@@ -178,8 +192,12 @@ def commit() -> str:
 
 @pytest.fixture(scope="module")
 def packages(tmp_path_factory: pytest.TempPathFactory, commit: str) -> list[Path]:
-    """The package, and the same as a later version."""
-    first = debian_package.build(tmp_path_factory.mktemp("made"), VERSIONS[0])
+    """The package, by somebody whose new files are for nobody else; and the same as a later version."""
+    into, before = tmp_path_factory.mktemp("made"), os.umask(0o077)
+    try:
+        first = debian_package.build(into, VERSIONS[0])
+    finally:
+        os.umask(before)
     folder = tmp_path_factory.mktemp("later")
     subprocess.run(["dpkg-deb", "--raw-extract", str(first), str(folder / "tree")], check=True)
     control = folder / "tree/DEBIAN/control"
@@ -332,6 +350,11 @@ dpkg --force-confold --install /1.deb
 systemctl enable --now msbot-master
 well 'installed again'
 echo "people, again: $(robot user list | grep -o grace)"
+systemctl start msbot-agent
+systemctl enable --now msbot-backup.timer
+dpkg --purge msbot
+echo "purged: $(systemctl is-active msbot-master msbot-agent msbot-backup.timer | tr '\n' ' ')"
+echo "left: $(find / /run -xdev -iname '*msbot*' | tr '\n' ' ')"
 echo TRIAL-END
 systemctl poweroff --force --force
 """
@@ -420,5 +443,7 @@ def test_a_running_robot_is_upgraded_and_removed(root: Path, packages: list[Path
         "still there: 2, msbot",
         f"installed again: active, {VERSIONS[1]}",
         "people, again: grace",
+        "purged: inactive inactive inactive",
+        "left:",
     ]
     assert [line for line in expected if line not in lines] == [], said

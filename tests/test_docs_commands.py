@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import re
 import shlex
 from collections.abc import Iterator
@@ -15,6 +16,8 @@ from tools.commands_page import PAGE, with_tables
 
 ROOT = Path(__file__).parent.parent
 PAGES = [*sorted((ROOT / "docs" / "howto").glob("*.md")), *sorted((ROOT / "docs" / "tutorial").glob("*.md"))]
+REFERENCE = re.compile(r"\bdocs/\w+/\w+\.md\b|msbot help (?P<page>[a-z_/]+)")
+"""How a text refers to a page of the documentation: to its file, or to the command that shows it."""
 SHELL = {"|", ">", ">>", "<", "&", "&&", "2>"}
 """Where the shell takes over."""
 
@@ -70,3 +73,29 @@ def test_commands_are_found_at_all() -> None:
     for words in (["nonsense"], ["part", "LED", "--pinz", "s=2"], ["key", "list", "more"]):
         with pytest.raises(click.UsageError):
             parse(words)
+
+
+def texts_of(module: Path) -> Iterator[str]:
+    """The texts of a module that refer to a page: its strings, without those that explain the code."""
+    source = module.read_text("utf-8")
+    if not REFERENCE.search(source):
+        return
+    tree = ast.parse(source)
+    explaining = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in explaining:
+            yield node.value
+
+
+def test_the_program_refers_to_pages_that_every_installation_has() -> None:
+    """Who has installed the packages has no folder `docs`, but `msbot help`."""
+    found = [
+        (match, f"{module.relative_to(ROOT)}: {text}")
+        for module in sorted(ROOT.glob("packages/*/src/**/*.py"))
+        for text in texts_of(module)
+        for match in REFERENCE.finditer(text)
+    ]
+    assert [words for match, words in found if not match["page"]] == []
+    pages = {match["page"] for match, _ in found}
+    assert pages >= {"zenoh", "write_an_extension", "reference/library"}
+    assert [page for page in sorted(pages) if not list((ROOT / "docs").glob(f"**/{page}.md"))] == []

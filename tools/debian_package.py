@@ -115,6 +115,7 @@ def build(into: Path, version: str, architecture: str = "") -> Path:
         bill = sbom.bill(read(), commit or "changed files", epoch, wheels)
         _write(root / f"usr/share/doc/msbot/msbot-{read()}.cdx.json", bill)
         _control(root, version, architecture)
+        make_public(root)
         into.mkdir(parents=True, exist_ok=True)
         package = into / f"msbot_{version}_{architecture}.deb"
         # dpkg of Debian 12 and newer reads zstd, which takes seconds where xz takes minutes.
@@ -122,6 +123,13 @@ def build(into: Path, version: str, architecture: str = "") -> Path:
         command = ["dpkg-deb", "--root-owner-group", "-Zzstd", "-z9", "--build", root, package]
         _run("env", f"SOURCE_DATE_EPOCH={epoch}", *command)
     return package
+
+
+def make_public(root: Path) -> None:
+    """Everybody may read all files, whatever the `umask` with which they, or those in uv's cache, were made."""
+    for path in (root, *root.rglob("*")):
+        if not path.is_symlink():
+            path.chmod(0o755 if path.is_dir() or path.stat().st_mode & 0o100 else 0o644)
 
 
 def source() -> tuple[str, int]:

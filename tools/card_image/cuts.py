@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import random
-import re
 import threading
 import time
 from collections.abc import Callable
@@ -14,7 +13,7 @@ import httpx
 
 from tools.card_image.base import ImageError
 from tools.card_image.forgetful_disk import Moment
-from tools.card_image.robot import NAME, Robot, say, wait_for
+from tools.card_image.robot import DISK_IS_SLOW, NAME, Robot, say, wait_for
 
 MOMENTS = (Moment.FLUSH, Moment.WRITE, Moment.FLUSH, Moment.ANY)
 """Where the cuts come, in turn."""
@@ -22,8 +21,6 @@ HOLDING = (1, 64)
 """Sectors that are written and not flushed then: from, to. A change of the database has about 30."""
 MOST_TOKENS = 40
 """Of a cut: a person has 50 at most."""
-DISK_IS_SLOW = re.compile(r"does not answer: try again in a moment|has not answered for \d+ s")
-"""What the page says when the disk answers late: the change may have been made, or not, as one on its way."""
 MOMENT_S = 60.0
 """How long such a moment may take to come; then the cut comes at any."""
 

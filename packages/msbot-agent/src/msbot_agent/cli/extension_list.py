@@ -44,7 +44,7 @@ def command(*, as_json: bool) -> None:
             )
         )
     elif not found:
-        click.echo("No extension is installed. How to write one: docs/howto/write_an_extension.md")
+        click.echo("No extension is installed. How to write one: msbot help write_an_extension")
     else:
         _print(found)
     if any(why or extensions().problems(one) for one, why in found):

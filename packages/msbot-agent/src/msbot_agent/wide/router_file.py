@@ -36,7 +36,7 @@ def read_router_file(path: Path) -> RouterRules:
         ConfigError: it cannot be read, or is wrong; the text names every problem with line and remedy.
     """
     problems = Problems()
-    document = read_document(path, problems, if_missing="write it as docs/howto/zenoh.md shows")
+    document = read_document(path, problems, if_missing="write it as `msbot help zenoh` shows")
     problems.raise_if_any()
     assert document is not None
     root = Table(document, problems, document.values)

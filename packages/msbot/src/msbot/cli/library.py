@@ -175,7 +175,7 @@ def forget(number: str, db: str | None, robot: str | None) -> None:
 
 
 TEMPLATE = """\
-# A part type of this robot. Every key: docs/reference/library.md. Check it with:  msbot library check FOLDER
+# A part type of this robot. Every key: msbot help reference/library. Check it with:  msbot library check FOLDER
 number = "NUMBER"                # what the part shows to its robot
 name = "My part"                 # what it is, in a few words
 manufacturer = ""
@@ -194,7 +194,7 @@ keywords = []                    # words by which `msbot library search` finds i
 # name = "VCC"
 # kind = "power"                 # power, ground, signal, bus or unused
 
-# Ports: what it says and takes. Message types: docs/reference/library.md, or a [[type]] of your own.
+# Ports: what it says and takes. Message types: msbot help reference/library, or a [[type]] of your own.
 
 [[port]]
 name = "value"

@@ -255,7 +255,7 @@ def read_parts(path: Path, library: Library) -> list[HostedPart]:
         ConfigError: something is wrong; every problem is reported at once, with file and line.
     """
     problems = Problems()
-    document = read_document(path, problems, if_missing="write one, see docs/howto/raspberry_pi.md")
+    document = read_document(path, problems, if_missing="write one, see `msbot help raspberry_pi`")
     problems.raise_if_any()
     assert document is not None
     table = Table(document, problems, document.values)

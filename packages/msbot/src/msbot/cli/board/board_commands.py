@@ -465,5 +465,5 @@ def check_link(link: str) -> None:
     if kind not in LINKS or not colon or not rest:
         raise ConfigError(
             f"link {link!r}: a board has can:1?bitrate=500000, serial:1?baudrate=115200&tx=4&rx=5, "
-            "udp:192.168.1.20:8888 or ws://192.168.1.20:8080 (docs/howto/micropython.md)"
+            "udp:192.168.1.20:8888 or ws://192.168.1.20:8080 (`msbot help micropython`)"
         )

@@ -234,7 +234,7 @@ _COMMAND_OF = {"stop": "msbot stop", "go": "msbot go", "stop_report": "msbot sto
 PATIENCE_S = 2.0
 """How long the command waits for the parts to confirm."""
 LOOK_S = 0.02
-NO_WALLS = "HOME, XDG folders and working folders do not keep robots apart; STOP groups do (docs/howto/stop_groups.md)"
+NO_WALLS = "HOME, XDG folders and working folders do not keep robots apart; STOP groups do (`msbot help stop_groups`)"
 
 
 @click.command("stop")
