@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import gc
 import itertools
 import socket
@@ -18,6 +19,7 @@ from msbot_xrce.errors import LinkDown, LinkFull
 from tests.effort import tries
 from tests.link.ends import End, running
 from tests.link.net.test_udp import has_ipv6
+from tests.space.own_network import own_network
 
 needs_ipv6 = pytest.mark.skipif(not has_ipv6(), reason="no IPv6 here")
 
@@ -303,6 +305,60 @@ async def test_a_client_that_ends_says_so() -> None:
         async with running(client) as (end,):
             pass
         assert end.signals.get_nowait() == (Signal.LINK_DOWN, client.remote, "closed")
+
+
+async def test_a_client_makes_a_new_connection_when_the_old_one_takes_octets_and_answers_nothing(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(tcp, "UNANSWERED_S", 0.05)
+    monkeypatch.setattr(tcp, "RECONNECT_S", 0.0)
+    mute: list[asyncio.StreamWriter] = []
+
+    async def swallow(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        """The first connection is forgotten, as by a router between the two; the next one is answered."""
+        first = not mute
+        mute.append(writer)
+        while await reader.read(100):
+            if not first:
+                writer.write(encode_tcp(b"here"))
+        writer.close()
+
+    between = await asyncio.start_server(swallow, "127.0.0.1", 0)
+    client = TcpClientLink("127.0.0.1", between.sockets[0].getsockname()[1])
+    async with between, running(client) as (end,):
+        while end.signals.empty():
+            with contextlib.suppress(LinkDown):
+                client.send(b"who is there?", client.remote)
+            await asyncio.sleep(0.01)
+        assert await end.told(Signal.LINK_DOWN) == (client.remote, "connection given up: no answer for 0.05 s")
+        await end.told(Signal.LINK_UP)
+        client.send(b"who is there?", client.remote)
+        assert await end.heard() == b"here"
+        for _ in range(12):  # who is answered keeps the connection
+            client.send(b"who is there?", client.remote)
+            assert await end.heard() == b"here"
+            await asyncio.sleep(0.01)
+        assert end.signals.empty()
+        assert len(mute) == 2
+
+
+@pytest.mark.skipif(not hasattr(socket, "TCP_USER_TIMEOUT"), reason="an option of Linux")
+async def test_a_peer_that_vanishes_is_gone_although_octets_wait_for_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert tcp.VANISHED["TCP_USER_TIMEOUT"] == 25_000
+    monkeypatch.setitem(tcp.VANISHED, "TCP_USER_TIMEOUT", 300)
+    with own_network():
+        server = TcpServerLink("127.0.0.1", 0)
+        async with running(server) as (at_server,):
+            client = TcpClientLink("127.0.0.1", server.port)
+            async with running(client) as (at_client,):
+                client.send(b"x", client.remote)
+                _, peer = await at_server.packets.get()
+                unplug = await asyncio.create_subprocess_exec("ip", "link", "set", "lo", "down")
+                assert await unplug.wait() == 0
+                client.send(b"x", client.remote)
+                server.send(b"x", peer)
+                assert (await at_client.told(Signal.LINK_DOWN))[1] == "connection broken: Connection timed out"
+                assert await at_server.told(Signal.PEER_GONE) == (peer, "connection broken: Connection timed out")
 
 
 async def test_taps_see_both_ways() -> None:

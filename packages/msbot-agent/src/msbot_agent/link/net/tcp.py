@@ -40,8 +40,13 @@ CONNECT_S = 3.0
 CONNECTIONS_OF_ADDRESS_S, CONNECTIONS_S = 100.0, 200.0
 """Connections a second from one address where no part with a place is, and from all such addresses."""
 
-KEEPALIVE = {"TCP_KEEPIDLE": 10, "TCP_KEEPINTVL": 5, "TCP_KEEPCNT": 3}
-"""Socket options: the silent loss of a peer (power, cable) is noticed after 25 s at the latest."""
+VANISHED = {"TCP_KEEPIDLE": 10, "TCP_KEEPINTVL": 5, "TCP_KEEPCNT": 3, "TCP_USER_TIMEOUT": 25_000}
+"""Socket options: the silent loss of a peer (power, cable) is noticed after 25 s at the latest. The system probes only
+a connection on which nothing waits; octets that nobody acknowledges it would repeat for a quarter of an hour."""
+
+UNANSWERED_S = 10.0
+"""A client whose packets have had no answer for so long makes a new connection: what is between it and the server may
+have forgotten the old one, and still take its octets."""
 
 BROKEN_AT_ONCE = "connection broke as soon as it was made"
 TOO_MANY = "connection refused: too many are open"
@@ -71,7 +76,7 @@ class TcpStream(Stream, asyncio.BufferedProtocol):
         try:
             connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
-            for name, value in KEEPALIVE.items():
+            for name, value in VANISHED.items():
                 if hasattr(socket, name):
                     connection.setsockopt(socket.IPPROTO_TCP, getattr(socket, name), value)
             address = connection.getpeername()
@@ -243,7 +248,8 @@ class TcpServerLink(StreamLink):
 class TcpClientLink(StreamLink):
     """Keeps one connection to a server, its `remote`, and reopens it whenever it breaks. Satisfies `Link`.
 
-    LINK_UP and LINK_DOWN say when the connection opens and breaks. A server that is not there is tried again.
+    LINK_UP and LINK_DOWN say when the connection opens and breaks. A server that is not there is tried again; one that
+    answers nothing for `UNANSWERED_S`, however often the owner sends, counts as a broken connection.
     """
 
     def __init__(self, host: str, port: int) -> None:
@@ -251,10 +257,25 @@ class TcpClientLink(StreamLink):
         self.read_buffer = bytearray(READ_OCTETS)
         self._host = host
         self._port = port
+        self._waits_since: float | None = None
+        """When the first packet was sent that has had no answer."""
+        self._given_up = ""
+        """Why it closed the connection itself."""
 
     def describe(self, peer: Peer) -> str:  # noqa: ARG002 - there is only one
         """The server's address."""
         return joined(self._host, self._port)
+
+    def send(self, packet: bytes, peer: Peer) -> None:
+        """See `StreamLink`."""
+        now = asyncio.get_running_loop().time()
+        stream = self._streams.get(peer)
+        if stream is not None and self._waits_since is not None and now - self._waits_since > UNANSWERED_S:
+            self._given_up = f"given up: no answer for {UNANSWERED_S:g} s"
+            stream.abort()
+        super().send(packet, peer)
+        if self._waits_since is None:
+            self._waits_since = now
 
     async def run(self) -> None:
         """Keep the connection until cancelled; it may run again afterwards.
@@ -287,15 +308,17 @@ class TcpClientLink(StreamLink):
             stream.abort()
             return
         self._streams[self.remote] = stream
+        self._waits_since, self._given_up = None, ""
         self._tell(Signal.LINK_UP, self.remote, "connected")
 
-    def stream_spoke(self, stream: TcpStream) -> None:
-        """A whole packet has come: a client's only connection needs no count."""
+    def stream_spoke(self, stream: TcpStream) -> None:  # noqa: ARG002 - there is only one
+        """A whole packet has come: the server is there."""
+        self._waits_since = None
 
     def stream_closed(self, stream: Stream, words: str) -> None:  # noqa: ARG002 - there is only one
         """See `StreamLink`."""
         if self._streams.pop(self.remote, None) is not None:
-            self._tell(Signal.LINK_DOWN, self.remote, f"connection {words}")
+            self._tell(Signal.LINK_DOWN, self.remote, f"connection {self._given_up or words}")
 
     async def _connect(self, loop: asyncio.AbstractEventLoop) -> TcpStream | None:
         """Make one attempt; None if it failed."""
