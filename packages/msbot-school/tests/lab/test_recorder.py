@@ -3,6 +3,8 @@
 import asyncio
 import json
 import re
+import sys
+import threading
 from collections.abc import Callable
 from pathlib import Path
 
@@ -23,8 +25,11 @@ from msbot.operations.dispatch import InProcessOperations
 from msbot.part.join.pnp_messages import Beat
 from msbot.part.join.seal import SHORT_SAYINGS, Seal
 from msbot.part.messages.standard import Level
+from msbot.recording.recorder import recorder_process
 from msbot.recording.recorder.batch import MEASURED, Kind, RecordedChannel, Unpacker, encode_object
 from msbot.recording.recorder.recorder import Recorder
+from msbot.recording.recorder.recorder_process import RecorderProcess, run_recorder
+from msbot.recording.recorder.recording_file import RingLimits
 from msbot.recording.recorder.schemas import ENCODING, FRAME, ros_definition
 from msbot.recording.recordings.excerpts import differences
 from msbot.recording.recordings.mcap_reader import Decoder, RecordedMessage, RecordingReader
@@ -36,6 +41,50 @@ from msbot_agent.space import MemorySpace, Qos, Topic
 from msbot_school.demo import DemoRobot
 from msbot_xrce.errors import ConfigError
 from tests.lab.recorded import BEGAN_NS, NS, messages, record_demo, store
+
+
+@pytest.mark.parametrize("rounds", range(3))
+async def test_who_ends_before_the_recorder_has_started_has_a_recording_all_the_same(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, rounds: int
+) -> None:
+    may_start, start = threading.Event(), RecorderProcess.start
+
+    def start_late(self: RecorderProcess) -> None:
+        may_start.wait()
+        start(self)
+
+    monkeypatch.setattr(RecorderProcess, "start", start_late)
+    recorder = Recorder(lambda: 1.0, lambda: BEGAN_NS)
+    process = RecorderProcess(recorder, None, RingLimits(60.0, 1 << 20))
+    process.record(tmp_path / "a.mcap")
+    running = asyncio.create_task(run_recorder(process))
+    await asyncio.sleep(0)
+    recorder.note({"why": "heard at once"})
+    for _ in range(rounds):
+        await asyncio.sleep(0)
+    running.cancel()
+    await asyncio.sleep(0)
+    may_start.set()
+    await asyncio.gather(running, return_exceptions=True)
+    reader = RecordingReader(tmp_path / "a.mcap")
+    assert [json.loads(one.data) for one in reader.messages()] == [{"why": "heard at once"}]
+    assert reader.damage == ""
+
+
+async def test_a_recorder_that_needs_long_for_its_end_is_told_and_goes_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr(recorder_process, "END_S", 0.01)
+    process = RecorderProcess(Recorder(lambda: 1.0, lambda: BEGAN_NS), None, RingLimits(60.0, 1 << 20))
+    process._command = [sys.executable, "-c", "import time; time.sleep(600)"]
+    process.record(tmp_path / "a.mcap")
+    await asyncio.to_thread(process.start)
+    await asyncio.to_thread(process.close)
+    assert process._process is not None
+    assert process._process.poll() is None
+    process._process.kill()
+    process._process.wait()
+    assert f"recording: this computer is busy: {tmp_path / 'a.mcap'} will be complete in a moment" in caplog.text
 
 
 async def a_part_comes_and_goes(robot: DemoRobot, operations: InProcessOperations) -> None:

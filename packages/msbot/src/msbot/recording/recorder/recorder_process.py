@@ -110,14 +110,17 @@ class RecorderProcess:
             self._waiting.put(octets)
 
     def close(self) -> None:
-        """Wait until the files are finished."""
+        """Wait until the files are finished, for so long; a busy computer may need longer, and its user is told."""
         self._end.set()
         self._waiting.put(None)
         if self._feeder is not None:
             self._feeder.join(END_S)
         if self._process is not None and self._process.poll() is None:
-            with contextlib.suppress(subprocess.TimeoutExpired):
+            try:
                 self._process.wait(END_S)
+            except subprocess.TimeoutExpired:
+                files = ", ".join(filter(None, (self.status.folder, *self._files)))
+                logger.warning("recording: this computer is busy: %s will be complete in a moment", files)
 
     def record(self, path: Path, *, as_bag: bool = False) -> None:
         """Record in one more file from now on.
@@ -222,8 +225,9 @@ class RecorderProcess:
 
     def _listen(self, process: subprocess.Popen[bytes]) -> None:
         assert process.stdout is not None
-        for line in process.stdout:
-            self._from_loop(partial(self._heard, json.loads(line)))
+        with process.stdout as lines:
+            for line in lines:
+                self._from_loop(partial(self._heard, json.loads(line)))
 
     def _heard(self, said: Mapping[str, Any]) -> None:
         name = said["file"]
@@ -255,11 +259,13 @@ class RecorderProcess:
 
 async def run_recorder(process: RecorderProcess) -> None:
     """Record until cancelled; then the files are finished."""
-    await asyncio.to_thread(process.start)
+    starting = asyncio.get_running_loop().run_in_executor(None, process.start)
     try:
+        await asyncio.shield(starting)
         while True:
             await asyncio.sleep(DRAIN_S)
             process.hand_over()
     finally:
+        await starting  # what was heard until then is written all the same
         process.hand_over()
         await asyncio.to_thread(process.close)
