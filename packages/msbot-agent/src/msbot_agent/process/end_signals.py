@@ -15,6 +15,8 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import TypeVar
 
+from msbot_agent.process.direct_loop import DirectLoop
+
 _NAMES = ("SIGINT", "SIGTERM", "SIGHUP")
 
 
@@ -134,7 +136,7 @@ def run_to_end(
 
 
 def _loop_factory() -> Callable[[], asyncio.AbstractEventLoop] | None:
-    return asyncio.SelectorEventLoop if sys.platform == "win32" else None
+    return DirectLoop if sys.platform in {"linux", "win32"} else None
 
 
 # One error in place of the group that a `TaskGroup` makes of it.

@@ -13,6 +13,8 @@ from collections.abc import Callable
 from contextvars import Context
 from typing import Final, TypeVarTuple
 
+from msbot_agent.process.direct_loop import DirectLoop
+
 STEPS: Final = ((0.08, 0.05), (0.016, 0.01), (0.0, 0.002))
 """A timer at least so far away comes at a multiple of so much, seconds; the longer ones are multiples of the others."""
 EARLY_S: Final = 0.01
@@ -20,6 +22,8 @@ EARLY_S: Final = 0.01
 MOST_READ: Final = 0x10000
 """Octets that a connection's transport makes room for whenever it reads. For asyncio's own 256 KiB the C library asks
 the kernel for memory, gives most of it back at once, and the rest after the message."""
+LONGEST_PAUSE_S: Final = 0.002
+"""A robot's messages may come so much later where that spares turns of the loop (`Gathering`)."""
 _ROUNDING: Final = 1e-6
 """Part of a step that a time on the grid may be off."""
 
@@ -49,8 +53,11 @@ def first_time(loop: asyncio.AbstractEventLoop) -> float:
     return math.ceil(now / step) * step
 
 
-class TimerGridLoop(asyncio.SelectorEventLoop):
+class TimerGridLoop(DirectLoop):
     """See the module's docstring."""
+
+    def __init__(self) -> None:
+        super().__init__(LONGEST_PAUSE_S)
 
     def _make_socket_transport(self, *args: object, **settings: object) -> asyncio.Transport:
         """asyncio's way to a transport: it has no other place for `max_size`."""

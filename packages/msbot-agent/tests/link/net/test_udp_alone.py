@@ -15,7 +15,8 @@ from typing import Any
 import pytest
 
 from msbot_agent.link.net.batched_receive import BATCH
-from msbot_agent.link.net.udp import DRAIN_PACKETS, NOBODY_LISTENS, STAY_S, UdpClientLink, UdpServerLink, _looker
+from msbot_agent.link.net.udp import ALONE, DRAIN_PACKETS, NOBODY_LISTENS, STAY_S, UdpClientLink, UdpServerLink, _looker
+from msbot_agent.process.gathering import Gathering
 from msbot_xrce.errors import LinkDown
 
 PEER = ("10.0.0.1", 7)
@@ -132,6 +133,32 @@ async def test_which_call_takes_how_many() -> None:
     alone = Desk(Kernel(), in_batches=False)
     assert alone.drain(x, x, x) == ["one"] * 3
     assert alone.linger.calls == ["woken at 0.0", "watch"]
+
+
+async def test_after_many_lone_datagrams_the_next_is_answered_at_once_until_two_come_together() -> None:
+    desk = Desk(Kernel())
+    x = b"x"
+    for _ in range(ALONE):
+        desk.drain(x)
+    desk.bursts.clear()
+    desk.got.clear()
+    assert desk.drain(x, x, x) == ["one", "one", "many"]
+    assert desk.bursts == [1, 3]
+    assert desk.drain(x, x) == ["many"]
+    assert desk.bursts == [1, 3, 5]
+
+
+async def test_where_the_loop_pauses_all_that_waits_is_taken_and_nobody_watches() -> None:
+    desk = Desk(Kernel())
+    x = b"x"
+    for _ in range(ALONE):
+        desk.drain(x)
+    made: Any = desk.link
+    made._gathering = gathering = Gathering()
+    gathering.delay_s = 0.0001
+    desk.linger.calls.clear()
+    assert desk.drain(x, x, x) == ["one", "many"]
+    assert "watch" not in desk.linger.calls
 
 
 @pytest.mark.parametrize("in_batches", [True, False])

@@ -162,12 +162,13 @@ _WEIGHT = 1 / 8
 class AdaptivePolling:
     """The pauses between the packets of one socket, and whether it is worth while to wait for the next one awake."""
 
-    __slots__ = ("_longest_s", "_rested_at", "_usual_s")
+    __slots__ = ("_latest_s", "_longest_s", "_rested_at", "_usual_s")
 
     def __init__(self, longest_s: float = LINGER_S) -> None:
         """`longest_s`: bound of one watch; 0 = never watch."""
         self._longest_s = longest_s
         self._usual_s = longest_s * _LONG
+        self._latest_s: float | None = None  # a pause that is to be learned when there is time
         self._rested_at: float | None = None
 
     def woken(self, now: float) -> None:
@@ -178,14 +179,18 @@ class AdaptivePolling:
 
     def watch(self, look: Callable[[], object], clock: Callable[[], float]) -> bool:
         """Call `look` until it finds something (True), or until it is time to sleep (False)."""
-        start = clock()
+        if self._latest_s is not None:
+            self._learn(self._latest_s)
+            self._latest_s = None
+        start = now = clock()
         if self._usual_s < self._longest_s:
             until = start + self._longest_s
             for _ in range(LOOKS_MAX):
                 if look():
-                    self._learn(clock() - start)
+                    self._latest_s = now - start  # what came is answered first
                     return True
-                if clock() >= until:
+                now = clock()
+                if now >= until:
                     break
         self._rested_at = start
         return False

@@ -27,6 +27,8 @@ from msbot_agent.link.net.host_address import (
     serve_both_kinds,
 )
 from msbot_agent.link.net.stranger_filter import StrangerFilter
+from msbot_agent.process.direct_loop import gathering_of
+from msbot_agent.process.gathering import Gathering
 from msbot_xrce.errors import LinkDown, LinkFull
 
 UDP_MTU = 65507
@@ -43,6 +45,9 @@ LONGEST_BURST_S = 0.005
 
 STAY_S = 0.001
 """How long bursts that follow each other are taken in one call-back."""
+
+ALONE = 8
+"""After so many datagrams that came one by one, the next is answered before anybody looks for another."""
 
 RECEIVE_BUFFER_BYTES = 1 << 20
 """Requested from the kernel, for bursts; it gives less where `net.core.rmem_max` is smaller."""
@@ -87,6 +92,8 @@ class _UdpLink(BaseLink, ABC):
         self._look: Callable[[], object]  # whether the socket has something
         self._batches: BatchedReceiver | None = None
         self._has_come_together = False  # whether the latest burst had more than one datagram
+        self._alone = 0  # how many of the latest came one by one, and no other came while they were answered
+        self._gathering: Gathering | None = None
         self._strangers: StrangerFilter | None = None
         self._takes: Callable[[Peer, float], bool] | None = None  # asked about each datagram during a flood
 
@@ -152,6 +159,7 @@ class _UdpLink(BaseLink, ABC):
         self._transmit = self._transmitter(opened)
         self._look = _looker(opened)
         self._batches = batched_receiver(opened)
+        self._gathering = gathering_of(loop)
         self._strangers = self._stranger_filter(opened)
         loop.add_reader(opened, self._drain, opened, loop)
         self._signal_handler(Signal.LINK_UP, None, "opened", loop.time())
@@ -201,24 +209,34 @@ class _UdpLink(BaseLink, ABC):
     def _why_not(self, error: OSError) -> LinkDown:
         """Why the socket cannot be opened, and what to do."""
 
-    def _drain(self, opened: socket.socket, loop: asyncio.AbstractEventLoop) -> None:
-        """Take burst after burst, as long as the next is there when one has been answered."""
-        clock, lingering = loop.time, self._lingering
+    def _drain(self, opened: socket.socket, loop: asyncio.AbstractEventLoop) -> bool:
+        """Take burst after burst, as long as the next is there when one has been answered; whether the loop's gathering
+        was told."""
+        clock, lingering, look, counters = loop.time, self._lingering, self._look, self.counters
         start = clock()
         lingering.woken(start)
+        gathering = self._gathering
+        if gathering is not None and gathering.delay_s:
+            self._alone = 0
         strangers = self._strangers
         if strangers is not None and start >= strangers.next_at:
             strangers.update(start)
             self._takes = strangers.takes if strangers.is_on else None
         while True:
+            before = counters.packets_in
             try:
                 is_fine = self._take_burst(opened, clock)
             finally:
                 self._burst_end_handler()
-            if not is_fine or clock() - start > STAY_S:
-                return
-            if not self._look() and not lingering.watch(self._look, clock):
-                return
+            now = clock()
+            pause_s = 0.0 if gathering is None else gathering.turn(now, counters.packets_in - before)
+            if not is_fine or pause_s or now - start > STAY_S:
+                break
+            if look():
+                self._alone = 0
+            elif not lingering.watch(look, clock):
+                break
+        return gathering is not None
 
     def _take_burst(self, opened: socket.socket, clock: Callable[[], float]) -> bool:
         """Take what waits in the socket; False: it has failed."""
@@ -237,7 +255,10 @@ class _UdpLink(BaseLink, ABC):
             now = clock()
             if self._takes is None or self._takes(peer, now):
                 self._received(packet, peer if remote is None else remote, now)
+            if self._alone >= ALONE:
+                break
             if not look():  # a quarter of what it costs to be refused
+                self._alone += 1
                 break
             if self._batches is not None:
                 is_fine = self._take_batches(self._batches, clock)
