@@ -20,12 +20,15 @@ from msbot_web.svg.drawings import (
     draw,
     fields_html,
     main_port,
+    ring_marks,
     sparkline,
     state_chip,
 )
 
 RING = "ring:"
 """Before the name of a slot: only the ring of its card. Names of slots have no colon."""
+NOW = "now:"
+"""Likewise: only what its part says or does at this moment."""
 
 
 class CardReader(Protocol):
@@ -76,16 +79,27 @@ def live_cards(page: _LivePageReader) -> tuple[Hashable, Callable[[], LiveView]]
             return looks_of(robot)
 
         def piece(name: str) -> object:
-            return card_piece(readers, name, cards[name.removeprefix(RING)], seen[0])
+            return card_piece(readers, name, cards[slot_of(name)], seen[0])
 
         return LiveView("cards", marks, piece)
 
     return ("cards", language.code, sees_all), make
 
 
+def slot_of(name: str) -> str:
+    """The slot of a piece."""
+    return name.rpartition(":")[2]
+
+
 def looks_of(robot: Robot) -> dict[str, Hashable]:
-    """What the pictures of all cards depend on, by the name of the slot; and their rings, which change more often."""
-    looks: dict[str, Hashable] = {card.name: look_of(card, robot.beat_s) for card in robot.slots}
+    """What the pictures of all cards depend on, by the name of the slot; and what changes more often: their values and
+    rings."""
+    looks: dict[str, Hashable] = {}
+    for card in robot.slots:
+        port = main_port(card)
+        looks[card.name] = look_of(card, port, robot.beat_s)
+        if port is not None:
+            looks[NOW + card.name] = (tuple(port.fields.items()), tuple(port.safe.items()))
     for card in robot.slots:
         if card.part is not None:
             looks[RING + card.name] = (card.part.part, card.part.life, card.part.beats)
@@ -93,9 +107,11 @@ def looks_of(robot: Robot) -> dict[str, Hashable]:
 
 
 def card_piece(reader: CardReader, name: str, card: SlotCard, robot: Robot) -> object:
-    """A card, or only its ring, as `msbotCards` of `page.js` takes it."""
+    """A card, or only its ring or its value, as `msbotCards` of `page.js` takes it."""
     if name.startswith(RING):
-        return ring_html(reader, card, robot)
+        return ring_marks(card, robot.beat_s, 0 if card.part is None else card.part.life, reader.language)
+    if name.startswith(NOW):
+        return _now_of(reader, main_port(card))
     return [
         card_html(reader, card, robot),
         open_words(reader, card),
@@ -103,6 +119,19 @@ def card_piece(reader: CardReader, name: str, card: SlotCard, robot: Robot) -> o
         plug_words(reader, card),
         plug_short(reader, card),
     ]
+
+
+def _now_of(reader: CardReader, port: PortLine | None) -> tuple[Markup | str, Markup | str, Markup | str]:
+    """What a part says or does at a port: as a picture, in words, and its curve."""
+    fields = {} if port is None else done_fields(port)
+    is_gone = port is None or port.held == "gone"
+    return (
+        "" if port is None else draw(port.type_name, fields, reader.language),
+        fields_html(fields, reader.language),
+        ""
+        if port is None or is_gone
+        else sparkline(reader.sight.sparkline(port.topic), reader.language, width=72, height=36),
+    )
 
 
 def ring_html(reader: CardReader, card: SlotCard, robot: Robot) -> Markup:
@@ -131,9 +160,10 @@ def plug_short(reader: CardReader, card: SlotCard) -> str:
     return reader.translate("Unplug") if card.plugged else reader.translate("Plug in")
 
 
-def look_of(card: SlotCard, beat_s: float) -> Hashable:
-    """What a card's picture depends on, without its ring; between two beats the browser turns that by itself."""
-    part, port = card.part, main_port(card)
+def look_of(card: SlotCard, port: PortLine | None, beat_s: float) -> Hashable:
+    """What a card's picture depends on, without the value at its main port and without its ring; between two beats the
+    browser turns that by itself."""
+    part = card.part
     return (
         card.state,
         card.reason,
@@ -145,9 +175,7 @@ def look_of(card: SlotCard, beat_s: float) -> Hashable:
         tuple(card.spares),
         tuple(card.type_differences),
         None if part is None else (part.part, part.nature, _age(part, beat_s)),
-        None
-        if port is None
-        else (port.topic, port.port, port.publishes, port.held, _stale_age(port), tuple(port.fields.items())),
+        None if port is None else (port.topic, port.port, port.publishes, port.type_name, port.held, _stale_age(port)),
     )
 
 
@@ -169,8 +197,8 @@ def card_html(reader: CardReader, card: SlotCard, robot: Robot) -> Markup:
     """One slot as a card."""
     part, port = card.part, main_port(card)
     age = "" if part is None else _age(part, robot.beat_s)
-    fields = {} if port is None else done_fields(port)
     is_gone = port is not None and port.held == "gone"  # the state says so: no need for more words
+    drawing, values, spark = _now_of(reader, port)
     return render(
         "card",
         say=reader.translate,
@@ -179,11 +207,9 @@ def card_html(reader: CardReader, card: SlotCard, robot: Robot) -> Markup:
         port=port,
         ring=ring_html(reader, card, robot),
         chip=state_chip(card.state, reader.translate(card.state)),
-        drawing="" if port is None else draw(port.type_name, fields, reader.language),
-        values=fields_html(fields, reader.language),
-        spark=""
-        if port is None or is_gone
-        else sparkline(reader.sight.sparkline(port.topic), reader.language, width=72, height=36),
+        drawing=drawing,
+        values=values,
+        spark=spark,
         held="" if port is None or is_gone or not port.held else reader.translate(HELD_WORDS[port.held]),
         stale_age="" if port is None or port.held else _stale_age(port),
         beat=age and reader.translate("beat {age} s ago", age=reader.language.digits(age)),

@@ -21,7 +21,6 @@ from msbot_web.nicegui_internals.elements import forget_content
 from msbot_web.pages.gallery import back_to_rover
 from msbot_web.pages.layout import page_frame
 from msbot_web.pages.live_cards import (
-    RING,
     card_html,
     card_piece,
     live_cards,
@@ -29,6 +28,7 @@ from msbot_web.pages.live_cards import (
     open_words,
     plug_short,
     plug_words,
+    slot_of,
 )
 from msbot_web.pages.menu import is_pupil
 from msbot_web.pages.page import Page
@@ -141,7 +141,7 @@ class _Grid:
         looks = looks_of(robot)
         cards = {card.name: card for card in robot.slots}
         changed = {
-            name: card_piece(page, name, cards[name.removeprefix(RING)], robot)
+            name: card_piece(page, name, cards[slot_of(name)], robot)
             for name, look in looks.items()
             if self._shown.get(name) != look
         }

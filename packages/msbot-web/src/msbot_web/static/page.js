@@ -281,17 +281,20 @@ function msbotLiveCards(grid) {
 }
 
 // Cards of slots that look otherwise now, by the name of the slot: [HTML, name, is it plugged in, what the plug's button
-// does, the word on it]; by `ring:` and that name only the ring of a card.
+// does, the word on it]; by `now:` and that name only the value: [picture, words, curve], as HTML; by `ring:` only the
+// ring: [its words, how much of it is missing, how it goes on, the number in it].
 function msbotCards(grid, cards) {
   const root = document.getElementById(grid);
   if (!root) return;
   for (const place of root.querySelectorAll("[data-slot]")) {
-    const found = cards[place.dataset.slot], ring = cards[`ring:${place.dataset.slot}`];
-    const drawn = ring && !found && place.querySelector(".head > svg");
-    if (drawn) drawn.outerHTML = ring;
-    if (!found) continue;
-    place.innerHTML = found[0];
-    if (place.getAttribute("aria-label") !== found[1]) place.setAttribute("aria-label", found[1]);
+    const name = place.dataset.slot;
+    const found = cards[name], now = cards[`now:${name}`], ring = cards[`ring:${name}`];
+    if (found) {
+      place.innerHTML = found[0];
+      if (place.getAttribute("aria-label") !== found[1]) place.setAttribute("aria-label", found[1]);
+    }
+    if (now) msbotValue(place.querySelector(".body"), now);
+    if (ring && !found) msbotRing(place.querySelector(".head > svg"), ring);
   }
   for (const plug of root.querySelectorAll("[data-plug]")) {
     const found = cards[plug.dataset.plug];
@@ -301,6 +304,30 @@ function msbotCards(grid, cards) {
     plug.setAttribute("aria-label", found[3]);
     plug.querySelector(".plug-words").textContent = found[4];
   }
+}
+
+// The value on a card. What is shown stands before the words about its wire.
+function msbotValue(body, [picture, words, curve]) {
+  const values = body && body.querySelector(".vals"), wire = values && values.querySelector(".wire");
+  if (!wire) return;  // a card without a port
+  while (values.firstChild !== wire) values.firstChild.remove();
+  wire.insertAdjacentHTML("beforebegin", `${words}\n`);
+  values.previousElementSibling.outerHTML = picture;
+  const drawn = values.nextElementSibling;
+  if (drawn) drawn.outerHTML = curve;
+}
+
+// A new ring in place of an old one: its animation begins anew.
+function msbotRing(old, [words, gap, animation, life]) {
+  if (!old) return;
+  const ring = old.cloneNode(true), turning = ring.querySelector(".beat-now");
+  ring.setAttribute("aria-label", words);
+  ring.querySelector("title").textContent = words;
+  turning.setAttribute("stroke-dashoffset", gap);
+  if (animation) turning.setAttribute("style", `animation:${animation}`);
+  else turning.removeAttribute("style");
+  ring.querySelector(".life").textContent = life;
+  old.replaceWith(ring);
 }
 
 // The frame around what the tour is talking about; '' takes it away.

@@ -26,6 +26,8 @@ Drawing = Mapping[str, object]
 
 UNDER_WORDS = ("on", "off", "nothing")
 """What may stand under a picture in place of a number."""
+RING_ROUND = 113.1
+"""The ring's circumference, in pixels."""
 CALM = 0.05
 """A small curve spans at least this share of its values."""
 STATE_ICONS = {
@@ -59,6 +61,12 @@ def beat_ring(card: SlotCard, beat_s: float, life: int, language: Language) -> M
 
     The browser lets it run down by itself, in steps: 120 rings that move smoothly would keep a tablet busy.
     """
+    words, gap, animation, shown_life = ring_marks(card, beat_s, life, language)
+    return render("ring", words=words, gap=gap, animation=animation, life=shown_life)
+
+
+def ring_marks(card: SlotCard, beat_s: float, life: int, language: Language) -> tuple[str, str, str, str]:
+    """What differs between rings: its words, how much of it is missing, how it goes on (CSS), and the number in it."""
     next_s, say = card.next_beat_s, language.translate
     if card.part is None or not life:
         words = say("no life status")
@@ -70,8 +78,9 @@ def beat_ring(card: SlotCard, beat_s: float, life: int, language: Language) -> M
         words = say(
             "life status {life}, beat overdue for {seconds} s", life=life, seconds=language.number(-next_s, ".1f")
         )
-    left = 0.0 if next_s is None else max(0.0, min(1.0, next_s / beat_s))
-    return render("ring", words=words, left=left, is_running=next_s is not None, beat_s=beat_s, life=life or "–")
+    over = 1.0 if next_s is None else 1.0 - max(0.0, min(1.0, next_s / beat_s))
+    animation = "" if next_s is None else f"ms-beat {beat_s:g}s steps(6) {-beat_s * over:.2f}s forwards"
+    return words, f"{RING_ROUND * over:.1f}", animation, str(life or "–")
 
 
 def main_port(card: SlotCard) -> PortLine | None:

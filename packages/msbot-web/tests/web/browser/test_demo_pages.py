@@ -5,10 +5,15 @@ from __future__ import annotations
 import re
 from itertools import islice
 from pathlib import Path
+from typing import cast
 
 from playwright.sync_api import Browser, Page, Route, expect
 
 from msbot_school.quiz import questions
+from msbot_web.language import languages
+from msbot_web.models.robot_models import PartLine, PortLine, Robot, Scalar, SlotCard
+from msbot_web.pages.live_cards import card_piece, looks_of
+from msbot_web.robot_view import RobotView
 from tests.web.browser.accessible import hurdles
 from tests.web.browser.conftest import Site, again_until, call, click_by_script, go, new_page, told, undo_newest
 
@@ -28,6 +33,82 @@ DRAWN_ANEW = """new Promise((done) => new MutationObserver((_, itself) => { itse
   .observe(document.querySelector(".place"), { childList: true, subtree: true }))"""
 """The first card is drawn anew, as with every beat."""
 FITS = "document.documentElement.scrollWidth <= document.documentElement.clientWidth"
+
+
+IN_PIECES = """([whole, pieces, after]) => {
+  document.body.insertAdjacentHTML("beforeend", "<div id=cards><div data-slot=fan></div></div>");
+  const root = document.getElementById("cards"), seen = (cards) => (msbotCards("cards", cards), root.innerHTML);
+  const results = [seen(whole), seen(pieces), seen(after)];
+  root.remove();
+  return results;
+}"""
+"""What a card is after it has come whole, after pieces of it have come, and when what they lead to comes whole."""
+
+
+class Reader:
+    """Who reads cards."""
+
+    language = languages()["de"]
+
+    def __init__(self, curve: list[float]) -> None:
+        self._curve = curve
+        self.sight = cast("RobotView", self)
+
+    def translate(self, text: str, **values: object) -> str:
+        return self.language.translate(text, **values)
+
+    def sparkline(self, _topic: str) -> list[float]:
+        return self._curve
+
+
+def test_a_card_that_comes_in_pieces_is_as_one_that_comes_whole(blank: Page, demo: Site) -> None:
+    page = blank
+    go(page, f"{demo.base}/settings")
+
+    def robot(beats: int, next_beat_s: float | None, type_name: str, fields: dict[str, Scalar]) -> Robot:
+        line = PartLine.model_construct(
+            part="fan", state="active", life=min(beats, 3), beats=beats, beat_age_s=0.5, nature="", part_number="FAN-5V"
+        )
+        port = PortLine(
+            port="power", topic="<t>", type_name=type_name, publishes=True, reliable=True, fields=fields, rate_hz=1.0
+        )
+        card = SlotCard.model_construct(
+            name="fan", part_number="FAN-5V", type_name="Fan", category="sensor", description="", state="active",
+            reason="", part=line, ports=[port], next_beat_s=next_beat_s, spares=[], simulated=True, plugged=True,
+            faults=[], type_differences=[], wear=None,
+        )  # fmt: skip
+        return Robot.model_construct(beat_s=1.0, slots=[card])
+
+    values: list[tuple[str, dict[str, Scalar], dict[str, Scalar]]] = [
+        ("Level", {"percent": 1.5}, {"percent": 90.25}),
+        ("Switch", {"on": False}, {"on": True}),
+        ("Text", {"text": "<b>one</b>"}, {"text": "two & three", "more": 1}),
+        ("Scan", {}, {"ranges": "[1, 2, 3]", "angle": 1.0}),
+    ]
+    for type_name, first, then in values:
+        before, after = robot(3, 0.75, type_name, first), robot(4, 0.25, type_name, then)
+        old, new = looks_of(before), looks_of(after)
+        changed = {name for name in new if new[name] != old.get(name)}
+        assert changed == {"now:fan", "ring:fan"}
+        readers = Reader([]), Reader([1.0, 2.0, 5.0])
+        whole, last = (
+            {"fan": card_piece(reader, "fan", one.slots[0], one)}
+            for reader, one in zip(readers, (before, after), strict=True)
+        )
+        pieces = {name: card_piece(readers[1], name, after.slots[0], after) for name in changed}
+        shown = page.evaluate(IN_PIECES, [whole, pieces, last])
+        assert shown[1] == shown[2]
+        assert shown[0] != shown[1]
+    before, after = robot(3, 0.75, "Level", {}), robot(0, None, "Level", {})
+    shown = page.evaluate(
+        IN_PIECES,
+        [
+            {"fan": card_piece(Reader([]), "fan", before.slots[0], before)},
+            {"ring:fan": card_piece(Reader([]), "ring:fan", after.slots[0], after)},
+            {"fan": card_piece(Reader([]), "fan", after.slots[0], after)},
+        ],
+    )
+    assert shown[1] == shown[2]
 
 
 def test_why_follows_in_an_open_drawer(blank: Page, demo: Site) -> None:
