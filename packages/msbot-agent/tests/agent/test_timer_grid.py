@@ -11,7 +11,7 @@ from asyncio import selector_events
 import pytest
 
 from msbot_agent.process.end_signals import run_to_end
-from msbot_agent.process.timer_grid import EARLY_S, MOST_READ, STEPS, TimerGridLoop, first_time, on_grid
+from msbot_agent.process.timer_grid import EARLY_S, MOST_READ, STEPS, TimerGridLoop, finest_step, first_time, on_grid
 
 FAR_S, NEAR_S = STEPS[0][1], STEPS[-1][1]
 
@@ -45,6 +45,7 @@ def test_who_sleeps_in_a_circle_keeps_the_period() -> None:
 def test_the_loop_rounds_its_timers_and_begins_circles_on_the_grid() -> None:
     async def main() -> None:
         loop = asyncio.get_running_loop()
+        assert finest_step(loop) == NEAR_S
         now = loop.time()
         exact, far = loop.call_at(now + NEAR_S, print), loop.call_at(now + 1.0, print)
         assert 0.0 <= far.when() - (now + 1.0) <= FAR_S

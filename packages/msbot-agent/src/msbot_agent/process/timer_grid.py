@@ -53,6 +53,11 @@ def first_time(loop: asyncio.AbstractEventLoop) -> float:
     return math.ceil(now / step) * step
 
 
+def finest_step(loop: asyncio.AbstractEventLoop) -> float:
+    """How much too late a near timer may come in this loop, seconds; 0: its timers are exact."""
+    return STEPS[-1][1] if isinstance(loop, TimerGridLoop) else 0.0
+
+
 class TimerGridLoop(DirectLoop):
     """See the module's docstring."""
 

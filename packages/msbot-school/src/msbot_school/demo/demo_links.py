@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from enum import Enum
 from random import Random
 
@@ -10,6 +11,7 @@ from msbot_agent.link.can import CanMasterLink, CanPartLink, Codec
 from msbot_agent.link.can.protocol import NodeIds
 from msbot_agent.link.can.sim import SimBus, SimBusDriver
 from msbot_agent.link.net import UdpClientLink, UdpServerLink
+from msbot_agent.process.timer_grid import finest_step
 from msbot_xrce import compress, decompress
 from msbot_xrce.lazy import dataclass
 
@@ -23,7 +25,7 @@ class DemoLinkKind(Enum):
 
 
 class DemoLinks:
-    """The wire, and each part's connection to it."""
+    """The wire, and each part's connection to it. Must be made inside a running event loop."""
 
     def __init__(
         self,
@@ -49,7 +51,8 @@ class DemoLinks:
             return
         fd = wire is DemoLinkKind.FD
         bus = SimBus(bitrate, data_bitrate=data_bitrate if fd else None, fd=fd)
-        self.driver = SimBusDriver(bus, name=bus_name)
+        ahead_s = 0.0 if bus_name else finest_step(asyncio.get_running_loop())
+        self.driver = SimBusDriver(bus, name=bus_name, ahead_s=ahead_s)
         # A bus needs two nodes before any frame is acknowledged: the monitor does it, as a student's adapter would.
         self.driver.attach("monitor")
         self.master_link = CanMasterLink(

@@ -18,6 +18,7 @@ from msbot_agent.link.can.sim.sim_bus_driver import SimBusDriver
 from msbot_xrce.errors import LinkDown
 
 RATE = 500_000
+AHEAD_S = 0.002
 
 _Ts = TypeVarTuple("_Ts")
 
@@ -32,14 +33,16 @@ class LateLoop(VirtualTimeLoop):
         return super().call_at(late, callback, *args, context=context)
 
 
-def ping_pong(rounds: int) -> tuple[list[float], list[float]]:
+def ping_pong(
+    rounds: int, loop_class: type[VirtualTimeLoop] = LateLoop, ahead_s: float = 0.0
+) -> tuple[list[float], list[float]]:
     """Two nodes that answer each frame inside their handlers; the times of the frames, and when they were handled."""
     logical: list[float] = []
     real: list[float] = []
 
     async def main() -> None:
         loop = asyncio.get_running_loop()
-        driver = SimBusDriver(SimBus(RATE))
+        driver = SimBusDriver(SimBus(RATE), ahead_s=ahead_s)
         nodes = [driver.attach("A"), driver.attach("B")]
         done = loop.create_future()
 
@@ -59,7 +62,7 @@ def ping_pong(rounds: int) -> tuple[list[float], list[float]]:
         nodes[0].send(Frame(0x100, b"ping"))
         await done
 
-    with asyncio.Runner(loop_factory=LateLoop) as runner:
+    with asyncio.Runner(loop_factory=loop_class) as runner:
         runner.run(main())
     return logical, real
 
@@ -70,6 +73,36 @@ def test_a_clock_that_wakes_late_does_not_slow_the_bus() -> None:
     assert logical[-1] - logical[0] == pytest.approx(99 * one + 100 * other, abs=1e-9)
     assert any(late > at + 0.002 for at, late in zip(logical, real, strict=True))
     assert all(at <= late + 1e-9 for at, late in zip(logical, real, strict=True))
+
+
+def test_a_bus_that_may_run_ahead_handles_at_once_what_happens_soon_and_changes_no_time() -> None:
+    exact, _ = ping_pong(200, VirtualTimeLoop)
+    logical, real = ping_pong(200, VirtualTimeLoop, AHEAD_S)
+    assert logical == pytest.approx(exact, abs=1e-9)
+    assert max(at - now for at, now in zip(logical, real, strict=True)) <= AHEAD_S + 1e-9
+    assert all(now <= at + 1e-9 for at, now in zip(logical, real, strict=True))
+    assert len(set(real)) <= len(set(exact)) / 5, "several frames are handled between two sleeps"
+
+
+def test_a_frame_from_outside_queues_behind_what_the_bus_has_done_ahead_of_the_clock() -> None:
+    async def main() -> None:
+        loop = asyncio.get_running_loop()
+        driver = SimBusDriver(SimBus(RATE), ahead_s=AHEAD_S)
+        a, b = driver.attach("A"), driver.attach("B")
+        heard: list[tuple[int, float]] = []
+        b.attach(frame=lambda frame, now: heard.append((frame.can_id, now)))
+        a.send(Frame(0x200))
+        for _ in range(3):
+            await asyncio.sleep(0)
+        assert loop.time() == 0.0
+        assert [can_id for can_id, _ in heard] == [0x200]
+        a.send(Frame(0x100))
+        await asyncio.sleep(0.01)
+        length = frame_bits(Frame(0x100)).nominal_bits / RATE
+        assert [can_id for can_id, _ in heard] == [0x200, 0x100]
+        assert heard[1][1] == pytest.approx(heard[0][1] + length, abs=4 / RATE)
+
+    run_virtual(main())
 
 
 def test_what_is_submitted_outside_a_handler_carries_the_time_of_the_clock() -> None:

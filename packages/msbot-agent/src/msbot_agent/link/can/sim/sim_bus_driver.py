@@ -3,6 +3,9 @@
 Theory of operation. One timer waits for the bus' next event. When it fires, everything due by now happens in order,
 each with its own logical time: a node that answers inside its handler answers at that logical time, so a timer that
 fires 2 ms late delays no node on the bus. A frame submitted outside a handler carries the time of the clock.
+
+A bus all of whose nodes are in this process may run ahead of the clock by a step of the loop's timers: a message, its
+answer and the acknowledgement are then one stretch of work, not one after each sleep of the process.
 """
 
 from __future__ import annotations
@@ -32,22 +35,24 @@ _STATE_WORDS: Final = {
 class SimBusDriver:
     """Runs a `SimBus`, which from now on belongs to this event loop alone."""
 
-    def __init__(self, bus: SimBus, *, name: str = "") -> None:
+    def __init__(self, bus: SimBus, *, name: str = "", ahead_s: float = 0.0) -> None:
         """Take over a bus; the loop is the one that runs when something is first sent.
 
         Args:
             bus: the bus.
             name: what its nodes call it, as in `sim:NAME`; its bit rate if empty.
+            ahead_s: how far the bus may be ahead of the clock. Nodes elsewhere would get frames from the future.
         """
         self.bus = bus
         self._name = name
+        self._ahead_s = ahead_s
         self.tap: FrameTap | None = None
         """If set, called with every frame; None costs nothing."""
         self.listeners: list[FrameTap] = []
         """Also called with every frame: for listeners that come and go."""
         self._ports: dict[int, SimCanBus] = {}
         self._by_name: dict[str, SimCanBus] = {}
-        self._timer: asyncio.TimerHandle | None = None
+        self._timer: asyncio.Handle | None = None
         self._timer_at: float | None = None
         self._logical: float | None = None
         self._ears: dict[int, list[SimCanBus]] = {}
@@ -155,8 +160,14 @@ class SimBusDriver:
             return
         if self._timer is not None:
             self._timer.cancel()
-        self._timer_at = at
-        self._timer = None if at is None else asyncio.get_running_loop().call_at(at, self._wake, at)
+        self._timer_at, self._timer = at, None
+        if at is None:
+            return
+        loop = asyncio.get_running_loop()
+        if self._ahead_s and at <= loop.time() + self._ahead_s:
+            self._timer = loop.call_soon(self._wake, at)
+        else:
+            self._timer = loop.call_at(at, self._wake, at)
 
     def forget_ears(self) -> None:
         """Somebody listens to other frames than before, or in another way."""
@@ -181,7 +192,7 @@ class SimBusDriver:
                 port.frame_handler(frame, at)
 
     def _wake(self, at: float) -> None:
-        due = max(asyncio.get_running_loop().time(), at)
+        due = max(asyncio.get_running_loop().time() + self._ahead_s, at)
         self._timer = self._timer_at = None
         bus = self.bus
         turns = EVENTS_PER_TURN
