@@ -112,7 +112,10 @@ def test_one_that_is_told_to_is_found_and_stopped_only_with_an_access(network: N
         assert "NOT delivered: " in run("class", "stop", cwd=elsewhere, env=desk | _alone(tmp_path)).stderr
 
         desk |= _alone(tmp_path)
-        joined = run("class", "join", found[0]["page"], cwd=elsewhere, env=desk | {"MSBOT_TOKEN": token})
+        for _ in range(5):  # as people do, where a busy computer makes its API for the first time
+            joined = run("class", "join", found[0]["page"], cwd=elsewhere, env=desk | {"MSBOT_TOKEN": token})
+            if "no answer in time" not in joined.stderr:
+                break
         assert joined.returncode == 0, joined.stderr
         stopped = run("class", "stop", "--stop-group", group, cwd=elsewhere, env=desk)
         assert (stopped.returncode, stopped.stderr) == (0, "")
