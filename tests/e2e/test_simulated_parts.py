@@ -50,7 +50,9 @@ def test_a_knob_drives_a_motor_as_it_is_set_until_stop_and_until_it_is_gone(tmp_
             motors.wait_for("left_motor 30 %")
             assert run("stop", cwd=tmp_path).returncode == 0
             motors.wait_for("left_motor 0 %")
+            master.wait_for("STOP by ", ", from a terminal of the robot's computer")
             assert run("go", cwd=tmp_path).returncode == 0
             motors.wait_for("left_motor 30 %")
+            master.wait_for(" ended STOP")
             knob.end(signal.SIGKILL)
         motors.wait_for("left_motor 0 %")  # its partner is lost: the safe value

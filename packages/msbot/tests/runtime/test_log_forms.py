@@ -12,7 +12,8 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from msbot.cli.run.master_services import log_event
+from msbot.cli.run.master_services import log_event, log_stop
+from msbot.operations.dispatch import PerformedOperation
 from msbot.pnp.part_events import PartEvent, PartState
 from msbot_agent.cli.logs import EVENTS, LogOptions, RoomLevel
 from msbot_agent.log import BURST, JournalFormatter, JsonFormatter, TerminalHandler, goes_to_journal
@@ -86,6 +87,21 @@ def test_events_of_parts_in_slots_are_all_written_and_those_of_strangers_counted
         "to": "late",
         "reason": "no beat",
     }
+
+
+def test_who_says_stop_and_go_is_in_the_log(caplog: pytest.LogCaptureFixture) -> None:
+    with caplog.at_level(logging.INFO, EVENTS):
+        for who, operation, words in (
+            ("ann", "stop", "STOP by ann, from a page: smoke"),
+            ("ann", "set", "fan.speed is 3"),
+            ("bob", "go", "bob ended STOP"),
+        ):
+            log_stop(PerformedOperation(who, operation, {}, words))
+    lines = [json.loads(JsonFormatter().format(record)) for record in caplog.records]
+    assert [(one["operation"], one["who"], one["message"]) for one in lines] == [
+        ("stop", "ann", "STOP by ann, from a page: smoke"),
+        ("go", "bob", "bob ended STOP"),
+    ]
 
 
 def test_rooms_get_the_levels_that_are_asked_for() -> None:

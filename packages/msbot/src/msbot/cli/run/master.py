@@ -18,10 +18,12 @@ from msbot.cli.database_place import DEFAULT_BLUEPRINT, database_beside, tell_of
 from msbot.cli.robot_options import DEFAULT_LINK, StopGroupType, db_option, library_option, metrics_option
 from msbot.cli.run.bridges_beside import bridges_beside, check_bridges
 from msbot.cli.run.master_services import (
+    STOP_AND_GO,
     MasterCommand,
     MasterContext,
     RobotRecording,
     log_event,
+    log_stop,
     metrics_beside,
     rec_option,
 )
@@ -37,7 +39,7 @@ from msbot.master import (
     robot_space,
     stop_file,
 )
-from msbot.operations.dispatch import InProcessOperations, perform
+from msbot.operations.dispatch import InProcessOperations, PerformedOperation, perform
 from msbot.part.join.part_keys import given_key
 from msbot.pnp import PartEvent
 from msbot.recording.recorder.batch import RecordingRequest
@@ -57,6 +59,7 @@ from msbot_agent.process.end_signals import run_to_end
 from msbot_agent.process.nonblocking_output import nonblocking_output
 from msbot_agent.process.timer_grid import TimerGridLoop
 from msbot_agent.space import SharedSpace, SpaceAddress
+from msbot_agent.text.sentence import printable
 from msbot_xrce import compress, decompress, is_whole
 from msbot_xrce.errors import ConfigError, LinkDown
 from msbot_xrce.lazy import dataclass
@@ -299,6 +302,7 @@ async def _main(  # noqa: PLR0917
         )
         operations = InProcessOperations(master, registry, robot, library=library)
         master.inventory.on_event(log_event if wishes.log.is_json else _say)
+        operations.on_done(log_stop if wishes.log.is_json else _say_stop)
         for link in links:
             master.add_link(link)
         space_words = "" if space.words is None else f"; {space.words}"
@@ -357,3 +361,8 @@ async def _main(  # noqa: PLR0917
 
 def _say(event: PartEvent) -> None:
     click.echo(event.sentences()[0])
+
+
+def _say_stop(deed: PerformedOperation) -> None:
+    if deed.operation in STOP_AND_GO:
+        click.echo(printable(deed.words))

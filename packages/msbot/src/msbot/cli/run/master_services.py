@@ -30,7 +30,7 @@ from msbot_xrce.lazy import dataclass
 if TYPE_CHECKING:
     # `msbot agent --metrics` needs this file, and neither a database nor a recorder.
     from msbot.metrics import PageFigures
-    from msbot.operations.dispatch import InProcessOperations
+    from msbot.operations.dispatch import InProcessOperations, PerformedOperation
     from msbot.registry import Registry, RobotRecord
 
 
@@ -78,7 +78,7 @@ class MasterCommand(ServedCommand):
     group = "services"
 
 
-# What happens to parts, as lines of a log in JSON.
+# What happens to parts, and who says STOP, as lines of a log in JSON.
 
 
 _events = logging.getLogger(EVENTS)
@@ -96,6 +96,15 @@ def log_event(event: PartEvent) -> None:
     }
     # What happens to parts in slots is bounded by their number; strangers may come without end.
     _events.info("%s", event.sentences()[0], extra={FIELDS: fields, ALWAYS: bool(event.slot)})
+
+
+STOP_AND_GO = ("stop", "go")
+
+
+def log_stop(deed: PerformedOperation) -> None:
+    """Who said STOP or GO, from where and why, as a line of the log; other operations are none."""
+    if deed.operation in STOP_AND_GO:
+        _events.info("%s", deed.words, extra={FIELDS: {"operation": deed.operation, "who": deed.who}, ALWAYS: True})
 
 
 # The figures beside a running robot or agent, as `--metrics PORT` asks for them; a service of `msbot agent`.
