@@ -251,6 +251,8 @@ def test_install_upgrade_remove_purge(root: Path, packages: list[Path], commit: 
     assert {"msbot-agent", "nicegui"} <= {one["name"] for one in bill["components"]}
     assert inside(root, "id", "-un", "msbot") == "msbot\n"
     assert "dialout" in inside(root, "id", "-Gn", "msbot")
+    assert not (root / "usr/lib/msbot/.lock").exists()
+    assert inside(root, "find", "/usr/lib/msbot", "/etc/msbot", "-perm", "/022", "!", "-type", "l") == ""
     assert "msbot" in inside(
         root, "bash", "-c", "source /usr/share/bash-completion/completions/msbot; complete -p msbot"
     )

@@ -1,10 +1,12 @@
 """The docs say what there is: links lead somewhere, and no page is left out."""
 
+import importlib
 import re
 from pathlib import Path
 
 import pytest
 
+from tools.docs_site import FACES, FOR_EXTENSIONS
 from tools.tab_site import FILES, missing_files, with_robot
 
 ROOT = Path(__file__).parent.parent
@@ -63,6 +65,14 @@ def test_a_site_whose_page_does_not_find_its_files_is_noticed(tmp_path: Path) ->
     assert missing_files(page) == ["../../../tab/tab.css"]
     page.write_text("a page without them")
     assert missing_files(page) == [*FILES]
+
+
+def test_the_site_has_each_class_that_an_extension_is_made_of() -> None:
+    page = (DOCS / "howto/write_an_extension.md").read_text()
+    named = re.findall(r"a `(msbot[\w.]*)\.([A-Z]\w+)`", page)
+    assert len(named) >= 8
+    known = {(face, name) for face in FACES | FOR_EXTENSIONS for name in importlib.import_module(face).__all__}
+    assert [f"{face}.{name}" for face, name in named if (face, name) not in known] == []
 
 
 def words(*pages: Path) -> int:

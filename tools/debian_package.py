@@ -48,7 +48,8 @@ COMPLETIONS = {
 }
 OF_THIS_COMPUTER = ("direct_url.json", "uv_cache.json")
 """What an installer notes beside a package: a folder and a time of the computer that makes the package."""
-NEEDED = "systemd, udev, iproute2"
+NEEDED = "libc6, libgcc-s1, libstdc++6, zlib1g, systemd, udev, iproute2"
+"""Besides Python: what the libraries in the wheels are linked with, and what the units use."""
 PLATFORMS = {"amd64": "x86_64-manylinux_2_36", "arm64": "aarch64-manylinux_2_36"}
 """Debian's names of processors, and the wheels that run on them with the glibc of Debian 12."""
 MACHINES = {"amd64": 62, "arm64": 183}
@@ -164,6 +165,7 @@ def _environment(root: Path, wheels: list[Path], platform_of_wheels: str) -> Non
     for name in OF_THIS_COMPUTER:
         for told in site.glob(f"*.dist-info/{name}"):
             told.unlink()
+    (home / ".lock").unlink(missing_ok=True)  # uv's
     for path in (*home.glob("bin/*"), home / "pyvenv.cfg"):
         if path.is_file() and not path.is_symlink():
             content = path.read_bytes()

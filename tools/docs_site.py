@@ -33,13 +33,23 @@ FACES = {
     "msbot_agent.space": "Data spaces",
 }
 """The public faces: what `docs/reference/stability.md` promises to keep."""
+FOR_EXTENSIONS = {
+    "msbot.hardware": "Drivers",
+    "msbot.doctor": "Checks of the doctor",
+    "msbot_agent.cli.command_services": "Services beside a master or an agent",
+    "msbot_bridges.bridge": "Worlds of other makers' devices",
+    "msbot_school.faults": "Faults",
+    "msbot_web": "Pages",
+}
+"""Faces whose classes `docs/howto/write_an_extension.md` names."""
+ALL = FACES | FOR_EXTENSIONS
 SOURCE = ROOT / "build" / "docs-site"
 
 
 def api_page(face: str) -> str:
     """The page of one face."""
     module = importlib.import_module(face)
-    lines = [f"# {face}", "", f"{FACES[face]}. `from {face} import ...`", ""]
+    lines = [f"# {face}", "", f"{ALL[face]}. `from {face} import ...`", ""]
     for name in sorted(module.__all__, key=str.casefold):
         lines += [f"::: {place_of(face, name)}", "    options:", f"      heading: {name}", ""]
     return "\n".join(lines)
@@ -60,10 +70,12 @@ def config() -> str:
     text = re.sub(r"^docs_dir: .*$", "docs_dir: docs", text, flags=re.MULTILINE)
     text = re.sub(r"^site_dir: .*$", "site_dir: site", text, flags=re.MULTILINE)
     pages = "".join(f"      - {face}: api/{face}.md\n" for face in FACES)
+    others = "".join(f"      - {face}: api/{face}.md\n" for face in FOR_EXTENSIONS)
     paths = json.dumps([str(package.parent) for package in PACKAGES])
     return f"""{text.rstrip()}
   - API:
-{pages}plugins:
+{pages}  - API for extensions:
+{others}plugins:
   - mkdocstrings:
       handlers:
         python:
@@ -86,7 +98,7 @@ def main(site: str) -> int:
     shutil.rmtree(SOURCE, ignore_errors=True)
     shutil.copytree(ROOT / "docs", SOURCE / "docs")
     (SOURCE / "docs" / "api").mkdir()
-    for face in FACES:
+    for face in ALL:
         (SOURCE / "docs" / "api" / f"{face}.md").write_text(api_page(face), "utf-8")
     try:
         octets = build_tab(SOURCE / "docs" / "tab")

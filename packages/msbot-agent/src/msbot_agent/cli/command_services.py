@@ -27,6 +27,8 @@ from msbot_agent.startup.extensions import Extension, Extensions, extensions
 from msbot_xrce.errors import MsbotError
 from msbot_xrce.lazy import dataclass
 
+__all__ = ["CommandService", "ServedCommand", "WantedService", "wanted_services"]
+
 T = TypeVar("T")
 W = TypeVar("W")
 """What a service makes of its options."""
@@ -68,7 +70,7 @@ class CommandService(Generic[W, C]):
         Args:
             wanted: what `check` returned.
             context: a `msbot.cli.run.master_services.MasterContext`, or a
-            `msbot_agent.cli.agent.agent_service.AgentContext`.
+                `msbot_agent.cli.agent.agent_service.AgentContext`.
 
         Raises:
             ConfigError: it cannot run.
