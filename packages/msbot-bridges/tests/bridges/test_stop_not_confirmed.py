@@ -49,6 +49,8 @@ async def canopen_drive(plug: Plug) -> AsyncIterator[tuple[Mend, Mend]]:
     drive = SimulatedDrive(plug.bridge.link)
 
     async def stick() -> None:
+        while abs(drive.rpm) < 1:  # noqa: ASYNC110 - it lives in a thread; what stands cannot fail to stop
+            await asyncio.sleep(0.01)
         drive.is_stuck = True
 
     async def mend() -> None:
@@ -63,11 +65,14 @@ async def cyphal_servo(plug: Plug) -> AsyncIterator[tuple[Mend, Mend]]:
     from msbot_bridges.cyphal.data_types import load_types
 
     await load_types()
+    from msbot_bridges.cyphal.aspect import ENGAGED
     from msbot_bridges.cyphal.simulated.servo import SimulatedCyphalServo
 
     servo: Any = SimulatedCyphalServo(plug.bridge.link, 44)
 
     async def stick() -> None:
+        while servo.readiness != ENGAGED:  # noqa: ASYNC110 - as above
+            await asyncio.sleep(0.01)
         servo.is_stuck = True
 
     async def mend() -> None:
