@@ -1,23 +1,51 @@
 """Errors of pages in the log: the same one is written once a minute, with how often it came; who leaves is none.
 
 A page's function that fails is a mistake of ours, and its traceback is wanted; but whoever opens that page could write
-it as often as they like.
+it as often as they like. What a browser says with an event, and none of our pages could have said, is no mistake of
+ours: it is counted like other nonsense.
 """
 
 from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
 
+import nicegui
 from starlette.requests import Request
 from starlette.types import ASGIApp, Receive, Scope, Send
 
+from msbot_web.nicegui_internals.page_sockets import COMPLAINTS, NONSENSE
 from msbot_xrce.counting import amount
 
 SAY_S = 60.0
 MOST_PLACES = 64
 """Places in the code that are remembered."""
+
+
+class NotFromOurPage(Exception):
+    """An event came with something that no page of ours sends."""
+
+
+@contextmanager
+def read_from_browser() -> Iterator[None]:
+    """Around what takes apart that with which an event came: what does not fit is the browser's fault.
+
+    Raises:
+        NotFromOurPage: it does not fit.
+    """
+    try:
+        yield
+    except (LookupError, TypeError, ValueError, OverflowError) as error:
+        raise NotFromOurPage(type(error).__name__) from error
+
+
+_DOES_NOT_FIT = (LookupError, TypeError, ValueError, OverflowError, AttributeError)
+_EVENTS = "handle_event"
+"""The function of NiceGUI that has an event handled."""
+_NICEGUI = str(Path(nicegui.__file__).parent)
 
 
 class RepeatedErrorFilter(logging.Filter):
@@ -34,6 +62,10 @@ class RepeatedErrorFilter(logging.Filter):
         error = record.exc_info[1] if record.exc_info else record.msg
         if not isinstance(error, BaseException):
             return True
+        if isinstance(error, NotFromOurPage) or _is_of_nicegui_alone(error):
+            kind = str(error) if isinstance(error, NotFromOurPage) else type(error).__name__
+            COMPLAINTS.count(NONSENSE, f"event: {kind}")
+            return False
         place, now = _place_of(error), self._clock()
         said_at, held = self._places.pop(place, (-SAY_S, 0))
         if now - said_at < SAY_S:
@@ -119,3 +151,16 @@ def _place_of(error: BaseException) -> tuple[str, str, int]:
     if trace is None:
         return type(error).__name__, "", 0
     return type(error).__name__, trace.tb_frame.f_code.co_filename, trace.tb_lineno
+
+
+def _is_of_nicegui_alone(error: BaseException) -> bool:
+    """Whether NiceGUI's own elements could not take apart that with which an event came: no code of ours had a part."""
+    trace, is_event = error.__traceback__, False
+    while trace is not None:
+        code = trace.tb_frame.f_code
+        is_nicegui = code.co_filename.startswith(_NICEGUI)
+        is_event = is_event or (is_nicegui and code.co_name == _EVENTS)
+        if is_event and not is_nicegui:
+            return False
+        trace = trace.tb_next
+    return is_event and isinstance(error, _DOES_NOT_FIT)

@@ -5,9 +5,13 @@ from __future__ import annotations
 import ast
 import logging
 from pathlib import Path
+from typing import Any
 
 import httpx
 import pytest
+from nicegui import Client, core, ui
+from nicegui.events import handle_event
+from nicegui.page import page as nicegui_page
 from starlette.applications import Starlette
 from starlette.requests import Request
 from starlette.responses import PlainTextResponse, Response
@@ -15,7 +19,16 @@ from starlette.routing import Route
 from starlette.types import Message, Scope
 
 import msbot_web
-from msbot_web.page_errors import MOST_PLACES, SAY_S, HandledErrors, RepeatedErrorFilter, somebody_waits
+from msbot_web.nicegui_internals.page_sockets import COMPLAINTS, NONSENSE
+from msbot_web.page_errors import (
+    MOST_PLACES,
+    SAY_S,
+    HandledErrors,
+    NotFromOurPage,
+    RepeatedErrorFilter,
+    read_from_browser,
+    somebody_waits,
+)
 
 
 def record(error: object, *, raised: bool = False) -> logging.LogRecord:
@@ -42,6 +55,40 @@ def test_the_same_error_is_written_once_a_minute_with_how_often_it_came() -> Non
     again = record(failing(7), raised=True)
     assert once.filter(again)
     assert again.getMessage() == "failed (and 50 times before, since it was said last)"
+
+
+@pytest.mark.promise("Hostile packets and files end in a sentence or a count, never a traceback")
+@pytest.mark.parametrize("told", [None, [[]], {"slot": 1}, "x", 1e400])
+def test_what_no_page_of_ours_sends_with_an_event_is_counted_and_not_traced(
+    told: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    once = RepeatedErrorFilter(lambda: 0.0)
+
+    def ours() -> None:
+        with read_from_browser():
+            str(told["plug"])
+
+    def counted() -> int:
+        return sum(count for words, count in COMPLAINTS.counts.items() if words.startswith(f"{NONSENSE} (event: "))
+
+    before = counted()
+    with pytest.raises(NotFromOurPage) as error:
+        ours()
+    assert not once.filter(record(error.value, raised=True))
+    assert counted() == before + 1
+    failed: list[BaseException] = []
+    monkeypatch.setattr(core.app, "handle_exception", failed.append)
+    with Client(nicegui_page("/")):
+        toggle = ui.toggle(["a", "b"])
+    (listener,) = toggle._event_listeners.values()
+    toggle._handle_event({"listener_id": listener.id, "args": told})
+    if told is not None:  # it chooses nothing
+        assert not once.filter(record(failed.pop(), raised=True))
+        assert counted() == before + 2
+    handle_event(lambda: str(told["plug"]), None, expect_args=False)
+    assert once.filter(record(failed.pop(), raised=True)), "a mistake of ours is written"
+    with read_from_browser():
+        pass
 
 
 def test_what_is_remembered_is_bounded() -> None:

@@ -20,6 +20,7 @@ from msbot_agent.pace import SteadyRate
 from msbot_web.access.sessions import Session
 from msbot_web.nicegui_internals.page_sockets import (
     BURST,
+    DEEPEST,
     MESSAGES_PER_S,
     MOST_OF_SESSION,
     MOST_WAITING,
@@ -239,6 +240,12 @@ EVENT: dict[str, object] = {"id": 4, "listener_id": "l", "args": ["1", None]}
         ("event", {**EVENT, "listener_id": None}, False),
         ("event", {**EVENT, "args": "x"}, False),
         ("event", {**EVENT, "args": [1]}, False),
+        ("event", {**EVENT, "args": ["[" * DEEPEST + "]" * DEEPEST]}, True),
+        ("event", {**EVENT, "args": ["[" * (DEEPEST + 1) + "]" * (DEEPEST + 1)]}, False),
+        ("event", {**EVENT, "args": ["[]," * 1000]}, True),
+        ("event", {**EVENT, "args": ['{"a": "' + "[" * 1000 + '"}']}, True),
+        ("event", {**EVENT, "args": ['{"a": "\\"' + "[" * 1000 + '"}']}, True),
+        ("event", {**EVENT, "args": ['["\\\\", ' + "[" * 1000]}, False),
         ("javascript_response", {"request_id": "r"}, True),
         ("javascript_response", {"request_id": []}, False),
         ("ack", {"next_message_id": 3}, True),

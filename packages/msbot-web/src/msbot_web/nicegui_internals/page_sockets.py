@@ -41,6 +41,8 @@ CLOSE_S = 1.0
 SAY_S = 60.0
 MOST_OF_SESSION = 80
 """Connections of one session by long polling, or on their way to one: each lives without a socket of its own."""
+DEEPEST = 32
+"""Objects and lists inside of each other with which an event comes."""
 LONGEST_NAME = 100
 """Characters of what a browser calls its tab."""
 TAB_S = 600.0
@@ -50,6 +52,8 @@ NONSENSE = "is not what a page of ours sends"
 STATE = "page_socket"
 """Where a request's state has its websocket."""
 
+_BRACKET = re.compile(r"[\[\]{}]")
+_DEEPER = {"[": 1, "{": 1, "]": -1, "}": -1}
 _log = logging.getLogger(__name__)
 _Handler = Callable[..., Any]
 
@@ -327,11 +331,24 @@ def is_well_formed(name: str, message: Mapping[str, object]) -> bool:
             _is_number(message.get("id"))
             and isinstance(message.get("listener_id"), str)
             and isinstance(arguments, list)
-            and all(one is None or isinstance(one, str) for one in arguments)
+            and all(one is None or (isinstance(one, str) and is_shallow(one)) for one in arguments)
         )
     if name == "javascript_response":
         return isinstance(message.get("request_id"), str)
     return name != "ack" or _is_number(message.get("next_message_id"))
+
+
+def is_shallow(text: str) -> bool:
+    """Whether a JSON text nests so little that whatever takes it apart comes to its end."""
+    if text.count("[") + text.count("{") <= DEEPEST:
+        return True
+    without_texts = "".join(text.replace("\\\\", "").replace('\\"', "").split('"')[::2])
+    depth = 0
+    for bracket in _BRACKET.finditer(without_texts):
+        depth += _DEEPER[bracket.group()]
+        if depth > DEEPEST:
+            return False
+    return True
 
 
 def _is_number(value: object) -> bool:

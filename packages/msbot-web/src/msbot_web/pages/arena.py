@@ -19,6 +19,7 @@ from msbot_web.arena_view import UNITS
 from msbot_web.html import render
 from msbot_web.live_channel import LiveView
 from msbot_web.models.robot_models import ChangeResult
+from msbot_web.page_errors import read_from_browser
 from msbot_web.pages.gallery import back_to_rover
 from msbot_web.pages.layout import page_frame
 from msbot_web.pages.page import Page
@@ -229,9 +230,11 @@ class _ArenaPage:
         await self._page.act("world_speed", speed=SPEEDS[str(self._speed.value)], quiet=True)
 
     async def _put(self, event: GenericEventArguments) -> None:
-        name, x, y, heading_deg = event.args
-        turned = {} if heading_deg is None else {"heading": float(heading_deg)}
-        await self._page.act("put_robot", robot=str(name), x=float(x), y=float(y), **turned, quiet=True)
+        with read_from_browser():
+            name, *place = event.args
+            x, y, heading_deg = (None if number is None else float(number) for number in place)
+        turned = {} if heading_deg is None else {"heading": heading_deg}
+        await self._page.act("put_robot", robot=str(name), x=x, y=y, **turned, quiet=True)
 
     def _seen(self, event: GenericEventArguments) -> None:
         """The page is looked at again, or no more."""
@@ -251,12 +254,13 @@ class _ArenaPage:
                 self._page.service.end_pilot(self._pilot)
 
     async def _drive(self, event: GenericEventArguments) -> None:
-        powers = [max(-100.0, min(100.0, float(power))) for power in event.args][: len(POWERS)]
+        with read_from_browser():
+            powers = [max(-100.0, min(100.0, float(power))) for power in event.args[: len(POWERS)]]
         if self._pilot and self._page.service.views.bench.is_plugged(self._pilot):
             self._driven_at = self._page.service.now() if any(powers) else None
-            if self._arena.drivers:  # else it was plugged in elsewhere, and stays
+            done = await self._page.do(lambda session: self._power(session, powers), quiet=True)
+            if done is not None and self._arena.drivers:  # else it was plugged in elsewhere, and stays
                 self._arena.drivers.add(self._page.client)
-            await self._page.do(lambda session: self._power(session, powers), quiet=True)
 
     def _power(self, session: Session, powers: Sequence[float]) -> ChangeResult:
         done = [

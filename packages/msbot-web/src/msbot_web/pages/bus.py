@@ -14,6 +14,7 @@ from msbot_agent.explain.frame_picture import frame_picture
 from msbot_agent.link.can.protocol import parse_frame, wire_bits
 from msbot_web.html import render
 from msbot_web.models.bus_models import BusFigures, FrameLine
+from msbot_web.page_errors import read_from_browser
 from msbot_web.pages.layout import page_frame
 from msbot_web.pages.page import Page
 from msbot_web.pages.page_elements import set_html
@@ -134,10 +135,11 @@ class _Table:
         )
 
     def _clicked(self, event: GenericEventArguments) -> None:
-        number = event.args
+        with read_from_browser():
+            number = int(event.args)
         # The row may have left the table between the click and now.
         shown = next((row for row in self._rows if row.number == number), None)
-        found = None if shown else self._page.sight.frame_line(int(number))
+        found = None if shown else self._page.sight.frame_line(number)
         row = shown or (found and self._page.private_octets().frames([found])[0])
         if row is None:
             return

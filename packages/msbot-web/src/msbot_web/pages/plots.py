@@ -21,6 +21,7 @@ from msbot.recording.curves.curve import Figures, Point, WantedCurves, figures_o
 from msbot_agent.text.sentence import as_cell
 from msbot_web.html import render
 from msbot_web.live_values import HISTORY_S
+from msbot_web.page_errors import read_from_browser
 from msbot_web.pages.layout import page_frame
 from msbot_web.pages.page import Page
 from msbot_web.pages.page_elements import set_html
@@ -364,8 +365,9 @@ class _Plots:
     async def _looked(self, event: GenericEventArguments) -> None:
         """A person has zoomed, gone back or stopped."""
         now = self._page.service.now()
-        end = min(self._clock_s(float(event.args["to"])), now)
-        begin = max(self._clock_s(float(event.args["from"])), end - LONGEST_S)
+        with read_from_browser():
+            end = min(self._clock_s(float(event.args["to"])), now)
+            begin = max(self._clock_s(float(event.args["from"])), end - LONGEST_S)
         if begin >= end:
             return
         self._view.live, self._view.from_s, self._view.to_s = False, begin, end

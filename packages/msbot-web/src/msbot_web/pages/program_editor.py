@@ -118,6 +118,8 @@ class ShareDialog:
         except MsbotError as error:
             ui.notify(page.translate(str(error)), type="negative", multi_line=True, timeout=10_000)
             return
+        if self._shown.is_deleted:  # the page was left meanwhile
+            return
         self._until = f"{datetime.now().astimezone() + timedelta(seconds=TICKET_S):%H:%M}"
         self._show(self._base + path)
         self._look()

@@ -18,6 +18,7 @@ from msbot.operations.rights import Right
 from msbot_web.html import Markup, render
 from msbot_web.models.robot_models import Robot
 from msbot_web.nicegui_internals.elements import forget_content
+from msbot_web.page_errors import read_from_browser
 from msbot_web.pages.gallery import back_to_rover
 from msbot_web.pages.layout import page_frame
 from msbot_web.pages.live_cards import (
@@ -189,7 +190,8 @@ class _Grid:
         return [section for section in sections if section["places"]]
 
     async def _clicked(self, event: GenericEventArguments) -> None:
-        name, is_plug = str(event.args["slot"]), bool(event.args["plug"])
+        with read_from_browser():
+            name, is_plug = str(event.args["slot"]), bool(event.args["plug"])
         if not is_plug:
             open_slot_drawer(self._page, name)
             return

@@ -9,9 +9,10 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from nicegui import ui
-from nicegui.events import GenericEventArguments, Handler
+from nicegui.events import GenericEventArguments
 
 from msbot_web.language import Language
+from msbot_web.page_errors import read_from_browser
 
 STEPS = 200
 """So many steps from end to end."""
@@ -51,7 +52,12 @@ class Slider(ui.element):
         self.props.update({"type": "range", "min": least, "max": most, "step": step, "aria-label": title})
         self.props["data-unit"] = unit
         self.put(value)
-        handler: Handler[GenericEventArguments] = lambda event: on_number(float(event.args))  # noqa: E731 - typed
+
+        def handler(event: GenericEventArguments) -> object:
+            with read_from_browser():
+                number = float(event.args)
+            return on_number(number)
+
         told = f"(event) => {{ msbotSlid({self.id}, event.target); emit(event.target.valueAsNumber); }}"
         self.on("input", handler, js_handler=told, throttle=EVERY_S)
 

@@ -17,6 +17,7 @@ from msbot.operations.rights import Right
 from msbot.service_types import service_type
 from msbot_web.html import Markup, render
 from msbot_web.models.robot_models import TopicLine, WirePort
+from msbot_web.page_errors import read_from_browser
 from msbot_web.pages.layout import page_frame
 from msbot_web.pages.page import Page
 from msbot_web.pages.page_elements import heading, set_html, show_dialog
@@ -134,8 +135,9 @@ class _Drawing:
         ui.download.content(str(drawing), "wires.svg")
 
     async def _told(self, event: GenericEventArguments) -> None:
-        told = event.args["detail"]
-        deed, start, end = str(told["deed"]), str(told["from"]), str(told["to"])
+        with read_from_browser():
+            told = event.args["detail"]
+            deed, start, end = str(told["deed"]), str(told["from"]), str(told["to"])
         if deed == "take_out":
             ask_to_take_out(self._page, start)
         elif deed == "misfit":
