@@ -10,7 +10,7 @@ from typing import Any
 import httpx
 import pytest
 from nicegui import Client, core, ui
-from nicegui.events import handle_event
+from nicegui.events import ClickEventArguments, handle_event
 from nicegui.page import page as nicegui_page
 from starlette.applications import Starlette
 from starlette.requests import Request
@@ -85,7 +85,9 @@ def test_what_no_page_of_ours_sends_with_an_event_is_counted_and_not_traced(
     if told is not None:  # it chooses nothing
         assert not once.filter(record(failed.pop(), raised=True))
         assert counted() == before + 2
-    handle_event(lambda: str(told["plug"]), None, expect_args=False)
+    with Client(nicegui_page("/")) as client:
+        clicked = ClickEventArguments(sender=client.content, client=client)
+        handle_event(lambda: str(told["plug"]), clicked, expect_args=False)
     assert once.filter(record(failed.pop(), raised=True)), "a mistake of ours is written"
     with read_from_browser():
         pass
