@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import json
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from pathlib import Path
@@ -105,3 +106,36 @@ async def test_settings_of_a_genuine_library_have_range_choices_and_what_the_dev
                 assert await desk.line("mode") == "hard"
                 device.set("loud", True)
                 assert await desk.line("loud") == "ON"
+
+
+async def test_messages_that_are_left_out_are_counted_and_said_once_for_each_power_of_ten() -> None:
+    import aiomqtt
+
+    from msbot_bridges.mqtt.world import open_world
+
+    state = {"state_topic": "a/b", "command_topic": "a/c", "unique_id": "one", "device": {"identifiers": "d"}}
+    async with (
+        OwnBroker().running() as broker,
+        running(open_world(BridgeLink(f"mqtt://127.0.0.1:{broker.port}"))) as host,
+        aiomqtt.Client("127.0.0.1", broker.port) as client,
+    ):
+        await client.publish("homeassistant/switch/one/config", json.dumps(state), retain=True)
+        await host.devices.get()  # the bridge listens
+        for number in range(120):
+            await client.publish(f"homeassistant/switch/{number}/config", b"no JSON")
+        for count in ("1 message ", "10 messages ", "100 messages "):
+            while "left out so far" not in (told := await host.saying.get()):
+                pass
+            assert told == f"left out so far: {count}of the broker, too long, too many, or not readable"
+        assert sum("left out so far" in words for words in host.said) == 3
+
+
+async def test_a_broker_tells_of_topics_for_which_there_is_no_room() -> None:
+    from msbot_bridges.mqtt.broker import MOST_TOPICS, Broker, BrokerAddress
+
+    told: list[int] = []
+    broker = Broker(
+        BrokerAddress("127.0.0.1", 1883), on_message=lambda *_: None, on_dropped=lambda: told.append(broker.dropped)
+    )
+    broker.subscribe(f"t/{number}" for number in range(MOST_TOPICS + 2))
+    assert told == [1, 2]

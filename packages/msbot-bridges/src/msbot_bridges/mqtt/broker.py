@@ -137,6 +137,7 @@ class Broker:
         on_lost: called with the reason each time it is gone.
         on_leaving: called before this client leaves; what it publishes is sent. A broker does not tell the will of a
             client that has left by itself.
+        on_dropped: called each time something was left out.
         will: told to others when this client is lost.
     """
 
@@ -148,13 +149,14 @@ class Broker:
         on_connected: Callable[[], None] = lambda: None,
         on_lost: Callable[[str], None] = lambda _: None,
         on_leaving: Callable[[], None] = lambda: None,
+        on_dropped: Callable[[], None] = lambda: None,
         will: LastWill | None = None,
     ) -> None:
         self.dropped = 0
         """Messages that were too long or found no room."""
         self.address = address
         self._on_message, self._on_connected, self._on_lost = on_message, on_connected, on_lost
-        self._on_leaving = on_leaving
+        self._on_leaving, self._on_dropped = on_leaving, on_dropped
         self._will = will
         self._wanted: dict[str, bool] = {}
         """Topics that are subscribed to; False: not yet."""
@@ -224,7 +226,7 @@ class Broker:
         async for message in client.messages:
             payload = message.payload
             if not isinstance(payload, bytes) or len(payload) > LONGEST_PAYLOAD:
-                self.dropped += 1
+                self._drop()
                 continue
             self._on_message(message.topic.value, payload, message.retain)
 
@@ -246,6 +248,10 @@ class Broker:
                     await client.publish(topic, payload, qos=0, retain=is_kept)
                 await self._work.wait()
 
+    def _drop(self) -> None:
+        self.dropped += 1
+        self._on_dropped()
+
     # From the loop
 
     @property
@@ -257,7 +263,7 @@ class Broker:
         """Hear these topics, also after a new connection."""
         for topic in topics:
             if topic not in self._wanted and len(self._wanted) >= MOST_TOPICS:
-                self.dropped += 1
+                self._drop()
                 continue
             self._wanted.setdefault(topic, False)
         self._work.set()
@@ -279,7 +285,7 @@ class Broker:
         """
         if topic not in self._waiting and len(self._waiting) >= MOST_TOPICS:
             self._waiting.pop(next(iter(self._waiting)))
-            self.dropped += 1
+            self._drop()
         self._waiting.pop(topic, None)
         self._waiting[topic] = (payload, is_kept)
         self._work.set()
@@ -291,7 +297,7 @@ class Broker:
         if client is None:
             return  # nobody is there; devices of a broker that is gone are lost
         if len(self._urgent) >= MOST_URGENT:
-            self.dropped += 1
+            self._drop()
             return
 
         async def send() -> None:

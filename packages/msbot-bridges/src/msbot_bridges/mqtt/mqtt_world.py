@@ -25,6 +25,9 @@ LONGEST_WORDS = 300
 class Convention(Protocol):
     """A way in which devices say what they are; without I/O."""
 
+    dropped: int
+    """Declarations that were too many, too long, or could not be read."""
+
     @property
     def topics(self) -> tuple[str, ...]:
         """What is to be heard."""
@@ -79,11 +82,15 @@ class MqttWorld(World):
         """Which devices hear a topic."""
         self._filters = tuple(topic for one in conventions for topic in one.topics)
         self._changed = asyncio.Event()
+        self._say_at = 1
+        """Of so many messages that were left out it is said next."""
 
     async def run(self, host: WorldHost) -> None:
         """See `World`."""
         self._host, self._loop = host, asyncio.get_running_loop()
-        self._broker = Broker(self._address, on_message=self._heard, on_lost=self._broker_lost)
+        self._broker = Broker(
+            self._address, on_message=self._heard, on_lost=self._broker_lost, on_dropped=self._say_dropped
+        )
         self._broker.subscribe(self._filters)
         connecting = asyncio.create_task(self._broker.run())
         watching = asyncio.create_task(self._watch())
@@ -183,6 +190,15 @@ class MqttWorld(World):
                     known.life[topic] = known.latest = is_there
             known.device.heard(topic, text, is_old=is_old)
             self._judge(key)
+        self._say_dropped()
+
+    def _say_dropped(self) -> None:
+        """Say that messages are left out: the first time, and whenever they are ten times as many."""
+        count = self._broker.dropped + sum(one.dropped for one in self._conventions)
+        if count >= self._say_at:
+            self._say_at = 10 ** len(str(count))
+            what = "message" if count == 1 else "messages"
+            self._host.say(f"left out so far: {count} {what} of the broker, too long, too many, or not readable")
 
     def _judge(self, key: str) -> None:
         """A device that says that it is there is found; one that says that it is not is lost."""

@@ -64,10 +64,17 @@ def _shared_stop_html(page: Page, stop: StopState) -> Markup:
 def stop_html(page: Page, stop: StopState) -> Markup:
     """The state of STOP: who said it, who has confirmed it in how long, and who has not."""
     slowest = max((one.ms for one in stop.confirmed), default=0.0)
+    told = len(stop.confirmed) + len(stop.silent)
     return render(
         "stop_state",
         say=page.translate,
         stop=stop,
         slowest=page.number(slowest, ".0f"),
-        told=len(stop.confirmed) + len(stop.silent),
+        told=told,
+        not_confirmed=page.language.count(
+            len(stop.silent),
+            "{count} of {told} parts has NOT confirmed it and may still move:",
+            "{count} of {told} parts have NOT confirmed it and may still move:",
+            told=told,
+        ),
     )

@@ -122,10 +122,9 @@ class _View:
     """Of a view that stands still: seconds of the robot's clock."""
     to_s: float = 0.0
 
-    @property
-    def address(self) -> str:
-        """The page with these curves, at whatever time; the time slider adds it."""
-        return f"/plots?{urlencode({'show': ','.join(self.names), 'span': f'{self.span_s:g}'})}"
+    def address(self, awaited: Sequence[str]) -> str:
+        """The page with these curves and those that nobody has measured yet, at whatever time; the time slider adds it."""
+        return f"/plots?{urlencode({'show': ','.join([*self.names, *awaited]), 'span': f'{self.span_s:g}'})}"
 
 
 class _Plots:
@@ -215,7 +214,7 @@ class _Plots:
                     "click", js_handler="() => msbotPlots.save()"
                 )
                 ui.button(page.translate("Table (CSV)"), icon="download", on_click=self._table).props("flat")
-                SavedViews(page, lambda: self._view.address, self._open_view)
+                SavedViews(page, lambda: self._view.address(self._wanted.awaited), self._open_view)
         self._show_state()
 
     def _button(self, icon: str, words: str, script: str) -> ui.button:
@@ -315,7 +314,7 @@ class _Plots:
             "span": view.span_s * 1e3,
             "from": self._ms(view.from_s),
             "to": self._ms(view.to_s),
-            "address": view.address,
+            "address": view.address(self._wanted.awaited),
             "words": {
                 "latest": self._page.translate("Latest"),
                 "no_unit": self._page.translate("no unit"),

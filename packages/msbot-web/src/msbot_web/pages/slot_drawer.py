@@ -270,6 +270,7 @@ def _present(page: Page, slot: str) -> None:
     _state(page, slot)
     if page.may_at(Right.OPERATE, slot):
         _following(page, slot, lambda card: card.simulated, lambda card: _simulator(page, card))
+    _PartActions(page, slot, is_next_step=True)
     _ports(page, slot)
     _following(
         page, slot, lambda card: card.part_number, lambda card: manual_control_panel(page, slot, card.part_number)
@@ -427,16 +428,24 @@ class _PartActions:
     """The buttons for what can be done. Each stays the same one as long as it would do the same.
 
     A click takes its time to the server: for a button that had just been made anew it would be for nothing.
+
+    Args:
+        page: whose.
+        slot: which.
+        is_next_step: only what an empty slot needs, or one that a simulated part stands in for; otherwise all the rest.
     """
 
-    def __init__(self, page: Page, slot: str) -> None:
-        self._page, self._slot = page, slot
+    def __init__(self, page: Page, slot: str, *, is_next_step: bool = False) -> None:
+        self._page, self._slot, self._is_next_step = page, slot, is_next_step
         self._row = ui.element("div").classes("row")
         self._buttons: dict[_PartAction, ui.button] = {}
         page.every_look(self._show, self._row)
 
     def _show(self) -> None:
-        wanted = list(self._wanted(self._page.service.views.slot(self._slot)))
+        card = self._page.service.views.slot(self._slot)
+        # At the top of an empty slot, where it is looked for; beside a part it is one deed among others.
+        first = "simulate" if card.part is None or _has_stand_in(self._page, card) else ""
+        wanted = [one for one in self._wanted(card) if (one.operation == first) is self._is_next_step]
         for gone in self._buttons.keys() - set(wanted):
             self._buttons.pop(gone).delete()
         for at, deed in enumerate(wanted):

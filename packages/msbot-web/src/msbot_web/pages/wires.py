@@ -67,18 +67,26 @@ class _Drawing:
                         "Drag from one port to another, or click one after the other, or press Enter on both: ports that "
                         "fit light up. Delete disconnects a port, the cross removes a slot. The journal undoes each change."
                     )
-                ).classes("soft")
+                ).classes("soft ms-by-mouse")
                 self._only_now.append(hint)
             narrow = [page.translate("The drawing goes on to the right: swipe, or scroll.")]
             if self._may_change:
-                narrow.append(page.translate("On a touch screen tap one port after the other."))
+                narrow.append(
+                    page.translate(
+                        "Tap two ports, one after the other, to join them, or one and then Disconnect. The cross removes "
+                        "a slot. The journal undoes each change."
+                    )
+                )
             ui.label(" ".join(narrow)).classes("soft ms-narrow")
             self._element = ui.html("", sanitize=False).classes("w-full scroll ms-shaded").props("tabindex=0")
             if self._may_change:
+                # A finger has no Delete: whoever picks a wired port up with it gets this button.
+                cut = ui.button(page.translate("Disconnect"), icon="link_off").classes("ms-wire-cut")
                 self._element.on("wire", self._told)
                 ui.run_javascript(
                     f"msbotWires(getHtmlElement({self._element.id}), (deed) => "
-                    f"getHtmlElement({self._element.id}).dispatchEvent(new CustomEvent('wire', {{detail: deed}})))"
+                    f"getHtmlElement({self._element.id}).dispatchEvent(new CustomEvent('wire', {{detail: deed}})), "
+                    f"getHtmlElement({cut.id}))"
                 )
                 ui.on("ms_touch", self._touched)
                 ui.run_javascript("if (matchMedia('(any-pointer: coarse)').matches) emitEvent('ms_touch')")

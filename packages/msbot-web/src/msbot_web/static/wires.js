@@ -1,6 +1,7 @@
 // Wires by mouse and by keyboard. Drag from one port to another that fits, or press Enter on both; Delete takes a port
-// off its topic; the cross of a slot takes it out. What it comes to is told to the page: {deed, from, to}.
-function msbotWires(root, tell) {
+// off its topic, and so does the button that a picked port with a topic has; the cross of a slot takes it out. What it comes
+// to is told to the page: {deed, from, to}.
+function msbotWires(root, tell, cutter) {
   if (root.dataset.wired) return;
   root.dataset.wired = "1";
   const STEADY_PX = 8;  // a finger that taps is never quite still
@@ -14,11 +15,13 @@ function msbotWires(root, tell) {
     picked = port;
     port.classList.add("picked");
     root.classList.add("picking");
+    cutter.classList.toggle("on", Boolean(port.dataset.topic));
     for (const other of root.querySelectorAll(".port")) other.classList.toggle("fits", fits(port, other));
   }
   function drop() {
     picked = null;
     root.classList.remove("picking");
+    cutter.classList.remove("on");
     for (const other of root.querySelectorAll(".port")) other.classList.remove("fits", "picked");
     if (line) line.remove();
     line = null;
@@ -28,6 +31,11 @@ function msbotWires(root, tell) {
     tell({ deed: "join", from: from.dataset.port, to: to.dataset.port });
     drop();
   }
+  function cut(port) {
+    drop();
+    if (port.dataset.topic) tell({ deed: "cut", from: port.dataset.port, to: port.dataset.topic });
+  }
+  cutter.addEventListener("click", () => picked && cut(picked));
   function place(event) {
     const svg = root.querySelector("svg.wires"), point = new DOMPoint(event.clientX, event.clientY);
     return point.matrixTransform(svg.getScreenCTM().inverse());
@@ -94,7 +102,7 @@ function msbotWires(root, tell) {
       else pick(port);
     } else if (event.key === "Delete" || event.key === "Backspace") {
       event.preventDefault();
-      if (port.dataset.topic) tell({ deed: "cut", from: port.dataset.port, to: port.dataset.topic });
+      cut(port);
     }
   });
 }

@@ -27,13 +27,16 @@ _DARK_ON = ("late", "new", "empty")
 _WIDTH = 1000
 _TICKS = 6
 _ROW = 30
+_LETTER, _MOST_LETTERS = 9.2, 16
+"""Width of a bold letter of a name beside its bars in the widest of the usual fonts, and how many a name may have."""
 
 
 def bars_svg(lanes: Sequence[TimelineLane], span_s: float, language: Language, *, is_narrow: bool = False) -> Markup:
     """The states of slots over the last `span_s` seconds, now at the right; narrow for a phone."""
-    width, left, ticks = (380, 96, 3) if is_narrow else (_WIDTH, 160, _TICKS)
+    width, ticks, letters = (380, 3, 13) if is_narrow else (_WIDTH, _TICKS, _MOST_LETTERS)
+    longest = max((min(len(lane.slot), letters) for lane in lanes), default=0)
+    left = round(max(80.0, 12 + longest * _LETTER))
     room = width - left - 10
-    letters = 10 if is_narrow else 16
     rows = [
         {
             "name": shortened(lane.slot, letters),

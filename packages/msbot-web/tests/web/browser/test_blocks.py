@@ -17,7 +17,7 @@ from tests import ROOT
 from tests.e2e.processes import running
 from tests.effort import THOROUGH
 from tests.lessons.lesson_stage import blocks_of_the_handbook
-from tests.web.browser.accessible import hurdles_by_day_and_night
+from tests.web.browser.accessible import hurdles, hurdles_by_day_and_night
 from tests.web.browser.conftest import CLICK, FORGOTTEN, Site, again_until, call, go, new_page, told
 from tests.web.browser.keyboard import tab_to
 from tests.web.browser.test_demo_pages import FITS
@@ -569,6 +569,8 @@ def test_for_everybody_and_on_a_phone(desk: Pupil) -> None:
         page.set_viewport_size({"width": width, "height": 844})
         page.wait_for_function(FITS)
     page.set_viewport_size({"width": 1280, "height": 900})
+    expect(page.locator(".blocklyZoom").first).to_be_visible()
+    expect(page.locator("#ms-blocks-zoom")).to_be_hidden()
     assert hurdles_by_day_and_night(page) == []
     page.locator(".blocklyToolboxCategory", has_text="Send").first.click()
     page.wait_for_function(STANDS_IN_FLYOUT, arg=["msbot_send"])
@@ -578,6 +580,28 @@ def test_for_everybody_and_on_a_phone(desk: Pupil) -> None:
     page.get_by_text("The program in words, and keys").click()
     words = page.locator("#ms-blocks-outline").inner_text().split("\n")
     assert words[:2] == ["this program is the part PILOT – Pilot", "when a message arrives at line"]
+
+
+def test_on_a_phone_the_buttons_for_zooming_cover_no_blocks(browser: Browser, track: Site) -> None:
+    page = new_page(browser, width=390, height=844, by_finger=True)
+    page.goto(track.link)
+    go(page, f"{track.base}/program")
+    page.get_by_role("button", name="Blocks", exact=True).click()
+    page.wait_for_function("msbotBlocks.isShown()")
+    expect(page.locator(".blocklyZoom")).to_have_count(0)
+    scale = "msbotBlocks.workspace().getScale()"
+    before = page.evaluate(scale)
+    page.get_by_role("button", name="Zoom in").tap()
+    page.wait_for_function(f"{scale} > {before}")
+    larger = page.evaluate(scale)
+    page.get_by_role("button", name="Zoom out").tap()
+    page.wait_for_function(f"{scale} < {larger}")
+    page.get_by_role("button", name="All blocks").tap()
+    root = "msbotBlocks.workspace().getBlocksByType('msbot_part')[0].getSvgRoot()"
+    page.wait_for_function(f"{root}.getBoundingClientRect().right < innerWidth")
+    assert page.evaluate(FITS)
+    assert hurdles(page, dark=False) == []
+    page.context.close()
 
 
 def test_blocks_in_german(browser: Browser, track: Site) -> None:

@@ -546,7 +546,12 @@ def test_a_slot_is_simulated_by_one_click_and_given_back_by_another(blank: Page,
     make_slot(page, demo, "BH1750", "dusk")
     go(page, f"{demo.base}/?slot=dusk")
     drawer = page.get_by_role("dialog")
-    drawer.get_by_role("button", name="Simulate this slot").click()
+    simulate = drawer.get_by_role("button", name="Simulate this slot")
+    button, topics = simulate.bounding_box(), drawer.get_by_role("heading", name="Topics").bounding_box()
+    assert button is not None
+    assert topics is not None
+    assert button["y"] < topics["y"], "what an empty slot needs next comes first"
+    simulate.click()
     expect(drawer.get_by_text("active", exact=True)).to_be_visible()
     drawer.get_by_role("button", name="Wiring").click()
     expect(drawer.locator(".wiring svg").get_by_text("SDA, GPIO 2")).to_be_visible()

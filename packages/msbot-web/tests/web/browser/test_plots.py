@@ -98,6 +98,7 @@ def test_the_recorder_s_time_is_shown_a_view_is_kept_and_a_picture_saved(blank: 
     page.wait_for_function("(JSON.parse(localStorage.msbot_plots_views || '{}').noise || '').includes('span=600')")
     go(page, f"{demo.base}/plots?show=nobody,ear.level&span=10")
     expect(page.get_by_text("Not measured so far: nobody")).to_be_visible()
+    page.wait_for_function("location.search.includes('nobody')")  # a page that is made anew waits for it, too
     go(page, f"{demo.base}/plots?show=ear.level,ear:threshold,@late,@beat.ear&span=10")
     page.wait_for_function(f"{FRAMES} > 3")
     assert page.locator(".plot-charts canvas").count() == 3, "three units, three charts"

@@ -188,6 +188,19 @@ def test_a_finger_that_trembles_picks_a_port_and_one_that_swipes_moves_the_drawi
     touch(2, 3)
     expect(page.locator(".port.picked")).to_have_count(1)
     page.keyboard.press("Escape")
+    # A wired port that is picked can be taken off its topic: a finger has no Delete.
+    disconnect = page.get_by_role("button", name="Disconnect")
+    expect(disconnect).to_be_hidden()
+    port(page, "ear.level").tap()
+    disconnect.tap()
+    expect(port(page, "ear.level (Level): not wired")).to_be_visible()
+    expect(disconnect).to_be_hidden()
+    undo_newest(page)
+    expect(port(page, "ear.level (Level): publishes on loudness")).to_be_visible()
+    # On a phone the cells of a table say what they are.
+    cells = "[...document.querySelectorAll('.ms-table tbody tr:first-child td')]"
+    heads = page.evaluate(f"{cells}.map((one) => getComputedStyle(one, '::before').content)")
+    assert heads[2:4] == ['"From "', '"To "']
     page.evaluate(f"{scrolled} = 0")
     touch(*range(10, 130, 10))
     page.wait_for_function(f"{scrolled} > 20")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -12,6 +13,8 @@ from msbot_web.svg.wiring_graph import STATE_COLOURS, bars_svg, shortened
 from tests.web.pictures import names, read, words
 
 WIDTH = 1000.0
+WIDEST_LETTER = 8.6
+"""Mean width of a letter of DejaVu Sans Bold at 13 pixels, in names as people give them."""
 SVG_TEXT = "{http://www.w3.org/2000/svg}text"
 
 
@@ -43,7 +46,20 @@ def test_what_was_before_the_time_shown_is_left_out_or_cut() -> None:
     root = read(bars_svg([TimelineLane(slot="fan", spans=[span(900, 100), span(100, 50), span(50, 0)])], 60.0, same))
     cut, whole = root.findall(".//{*}rect")
     assert float(cut.attrib["x"]) < float(whole.attrib["x"])
-    assert float(cut.attrib["x"]) == 160
+    assert float(cut.attrib["x"]) == 80
+
+
+@pytest.mark.parametrize("is_narrow", [False, True])
+def test_names_of_slots_have_the_room_that_the_longest_of_them_needs(is_narrow: bool) -> None:
+    for slot in ("fan", "program_Red", "wheels_of_the_second_robot"):
+        root = read(bars_svg([TimelineLane(slot=slot, spans=[span(60, 0)])], 60.0, same, is_narrow=is_narrow))
+        (bar,) = root.findall(".//{*}rect")
+        (name,) = [
+            one for one in root.findall(".//{*}text") if one.get("text-anchor") == "end" and one.get("font-weight")
+        ]
+        ends, letters = float(name.attrib["x"]), len(name.text or "")
+        assert letters >= min(len(slot), 13)
+        assert letters * WIDEST_LETTER <= ends < float(bar.attrib["x"])
 
 
 @settings(deadline=None)

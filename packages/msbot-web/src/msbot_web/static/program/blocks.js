@@ -65,8 +65,13 @@ const msbotBlocks = (() => {
       trashcan: !isNarrow, maxBlocks: MOST_BLOCKS, horizontalLayout: isNarrow, toolboxPosition: isNarrow ? "end" : "start",
       move: { scrollbars: true, drag: true, wheel: true },
       // Below 1 Blockly leaves out what wobbles; who wants no motion cannot zoom beyond.
-      zoom: { controls: true, wheel: false, pinch: true, startScale: isNarrow ? 0.65 : 0.7, maxScale: isStill() ? 0.99 : 2, minScale: 0.3 },
+      // On a phone Blockly's buttons would lie over the ends of blocks: there they are above (`blocks.html`).
+      zoom: { controls: !isNarrow, wheel: false, pinch: true, startScale: isNarrow ? 0.65 : 0.7, maxScale: isStill() ? 0.99 : 2, minScale: 0.3 },
     });
+    for (const [number, button] of at("ms-blocks-zoom").querySelectorAll("button").entries()) {
+      button.onclick = () => number === 2 ? workspace.zoomToFit() : workspace.zoomCenter(number ? 1 : -1);
+    }
+    at("ms-blocks-zoom").hidden = !isNarrow;
     workspace.addChangeListener(changed);
     workspace.addChangeListener(Blockly.Events.disableOrphans);
     // The class is written again and again; a theme that is set anew draws all blocks and closes the open category.
