@@ -2,12 +2,22 @@
 
 from __future__ import annotations
 
+import asyncio
 from dataclasses import dataclass, field
 
+import pytest
+
+from msbot.process.virtual_time import run_virtual
+from msbot_agent.agent import Agent, AgentSettings, ClientInfo, OpenGate
 from msbot_agent.agent.fair_share import BEYOND, WINDOW_S, FairShare, Limit
+from msbot_agent.space import MemorySpace
 from msbot_xrce.counting import Tally
+from msbot_xrce.messages import CreateClient, Header, encode_message
+from tests.agent.wiring import FakeLink, serving
 
 PER_CLIENT, IN_ALL = 1000.0, 3000.0
+NOTHING_TO_ANSWER = bytes.fromhex("07010800 00100075 00000000")
+"""WRITE_DATA of an object that is not there."""
 
 
 @dataclass(eq=False)
@@ -94,3 +104,31 @@ def test_who_calms_down_is_free_again_and_little_traffic_is_not_looked_at() -> N
 def test_an_agent_whose_gate_does_not_mind_limits_nobody() -> None:
     scene = Scene([Sender(50_000)], is_strict=False)
     assert scene.run(8) == {0: 100_000}
+
+
+@pytest.mark.parametrize("in_bursts", [True, False])
+def test_a_client_whose_packets_call_for_no_answer_is_limited_too(in_bursts: bool) -> None:
+    class Strict(OpenGate):
+        def limits(self, client: ClientInfo, packets_per_s: float, share: float) -> bool:
+            return True
+
+    async def main() -> None:
+        settings = AgentSettings(max_packets_per_s=PER_CLIENT, max_packets_in_all_per_s=IN_ALL)
+        link = FakeLink(in_bursts=in_bursts)
+        agent = Agent(MemorySpace(), gate=Strict(), settings=settings)
+        async with serving(agent, link):
+            link.plug("client", lambda _: None)
+            link.inject(encode_message(Header(0x80, 0, 0, None), [CreateClient(7, 0x81, 512)], pad_end=False))
+            link.end_burst()
+            number = 0
+            for _ in range(8):
+                for _ in range(round(4 * PER_CLIENT * WINDOW_S)):
+                    link.counters.packets_in += 1
+                    link.inject(bytes((0x81, 1, number & 0xFF, number >> 8)) + NOTHING_TO_ANSWER)
+                    number += 1
+                link.end_burst()
+                await asyncio.sleep(WINDOW_S)
+            (client,) = agent.clients()
+            assert client.dropped.get(BEYOND, 0) > PER_CLIENT * WINDOW_S
+
+    run_virtual(main())

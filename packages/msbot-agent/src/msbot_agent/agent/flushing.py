@@ -123,7 +123,8 @@ class Flusher:
         self._end_session = end_session
         self._compare = compare
         self._transit = transit
-        self._compare_at = 0.0
+        self.compare_at = 0.0
+        """When `compare` is to be called with the next packet, whether it is answered or not."""
         self._marked: list[Proxy] = []
         self._timers: TimerHeap[Proxy] = TimerHeap()
         self._lives: TimerHeap[Proxy] = TimerHeap()
@@ -145,8 +146,8 @@ class Flusher:
         if not self._marked:
             return
         now = self._clock()
-        if now >= self._compare_at:
-            self._compare_at = self._compare(now)
+        if now >= self.compare_at:
+            self.compare(now)
         marked, self._marked = self._marked, []
         for proxy in marked:
             proxy.is_marked = False
@@ -154,6 +155,10 @@ class Flusher:
                 self._serve(proxy, now)
         if self._transit.booked:
             self._transit.mark_sent()
+
+    def compare(self, now: float) -> None:
+        """Compare how much the clients send."""
+        self.compare_at = self._compare(now)
 
     def room_gained(self, port: ServedLink, peer: Peer | None) -> None:
         """The link has room for that peer again, or for all."""
@@ -190,9 +195,10 @@ class Flusher:
             self._send_slowly(proxy, port, peer, now)
             return
         packets = iter(proxy.session.packets_to_send(now))
+        send = port.link.send
         for packet in packets:
             try:
-                port.link.send(packet, peer)
+                send(packet, peer)
             except (LinkDown, LinkFull):
                 proxy.outbox.append(packet)
                 proxy.outbox.extend(packets)
@@ -209,9 +215,6 @@ class Flusher:
 
     def _serve(self, proxy: Proxy, now: float) -> None:
         """Send for a client, and work out when to look at it again."""
-        if proxy.is_at_rest():
-            self._timers.suspend(proxy)
-            return
         self.send(proxy, now)
         when = proxy.timer()
         if when is None:

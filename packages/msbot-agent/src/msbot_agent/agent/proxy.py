@@ -163,7 +163,8 @@ class Proxy:
             while events:
                 event = events.popleft()
                 handlers[type(event)](self, event)
-        if not self.is_marked:
+        # A packet that calls for no answer, such as an ACKNACK, is over here; a timer that is left finds nothing to do.
+        if not self.is_marked and (self.is_over or not self.is_at_rest()):
             self._surroundings.mark(self)
 
     def is_at_rest(self) -> bool:

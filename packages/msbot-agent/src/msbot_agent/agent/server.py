@@ -274,7 +274,10 @@ class Agent:
 
     def _packet_received(self, port: ServedLink, packet: bytes, peer: Peer, now: float) -> None:
         port.opened = True
-        self._flusher.in_burst = port.in_bursts
+        flusher = self._flusher
+        flusher.in_burst = port.in_bursts
+        if now >= flusher.compare_at:
+            flusher.compare(now)
         if len(packet) < 4:
             port.dropped.count("packet shorter than a header")
             return

@@ -109,7 +109,14 @@ class AgentSession(Session[AgentEvent]):
 
     def is_at_rest(self) -> bool:
         """Whether `packets_to_send` would give nothing now, and `timer` None."""
-        return not self._asking.questions and self._sender.is_at_rest()
+        sender = self._sender
+        # As `SessionOutput.is_at_rest`, without a call: it is asked for every packet.
+        if sender.outbox.items or sender.owed or self._asking.questions:
+            return False
+        for stream in sender.reliables.values():
+            if stream.moved or stream.missed or stream.heartbeat_at is not None:
+                return False
+        return True
 
     def release(self) -> None:
         """The session is over: give back the memory that it shares with others, and forget the owner."""

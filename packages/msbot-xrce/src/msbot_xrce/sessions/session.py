@@ -39,6 +39,9 @@ _ACKNACK_ID = SubmessageId.ACKNACK.value
 _HEARTBEAT_ID = SubmessageId.HEARTBEAT.value
 _FRAGMENT_ID = SubmessageId.FRAGMENT.value
 _read_header = SUBMESSAGE_HEADER.unpack_from
+_ACKNACK_LENGTH = 5
+LONE_ACKNACK = HEADER_SIZE + _ACKNACK_LENGTH
+"""Octets behind the header of a message that is nothing but an ACKNACK."""
 
 BROKEN = {kind.value: f"broken {kind.name}" for kind in SubmessageId}
 UNKNOWN_BROKEN = "broken submessage of an unknown kind"
@@ -136,7 +139,15 @@ class Session(ABC, Generic[Event]):
         if stream_id >= STREAM_RELIABLE:
             self._receive_reliable(stream_id, packet, offset)
         elif stream_id == STREAM_NONE:
-            self._process(packet, offset, stream_id)
+            # Mostly a lone ACKNACK: one for every message that was sent on a reliable stream.
+            if (
+                size == offset + LONE_ACKNACK
+                and packet[offset] == _ACKNACK_ID
+                and packet[offset + 2] == _ACKNACK_LENGTH
+            ):
+                self._take_acknack(*read_acknack(packet, offset + HEADER_SIZE, size, packet[offset + 1]))
+            else:
+                self._process(packet, offset, stream_id)
         elif (stream := self._best_effort.get(stream_id) or self._best_effort_input(stream_id)) is not None:
             if stream.accept(packet[2] | packet[3] << 8):
                 self._process(packet, offset, stream_id)
@@ -202,7 +213,7 @@ class Session(ABC, Generic[Event]):
     def release(self) -> None:
         """The session is over: give back the memory that it shares with others."""
         for stream in self._reliable.values():
-            stream.reset()
+            stream.release()
         self._sender.release()
 
     @property
@@ -284,7 +295,16 @@ class Session(ABC, Generic[Event]):
             self._process(packet, offset, stream_id)
             if stream.announced != stream.last_handled:
                 self._process_held(stream, stream_id)
-        self._owe_acknack(stream, stream_id)
+        now = self.last_heard
+        if (
+            stream.announced == stream.last_handled
+            and not self._asking.questions
+            and now >= self._sender.round_trip.lossy_until
+            and (overtaking is None or now >= overtaking.until)
+        ):
+            self._sender.owed[stream_id] = stream
+        else:
+            self._owe_acknack(stream, stream_id)
 
     def _given_up(self, stream_id: int, count: int) -> None:
         """So many messages of that stream will never come."""

@@ -249,13 +249,18 @@ class ReliableInput:
         """How many messages came early."""
         return len(self._held)
 
-    def reset(self) -> None:
-        """Start over: the next message expected is number 0."""
-        for packet in self._held.values():
-            self._memory.give(len(packet))
-        self._held.clear()
+    def release(self) -> None:
+        """Forget what is held: nothing is received any more."""
+        if self._held:
+            for packet in self._held.values():
+                self._memory.give(len(packet))
+            self._held.clear()
         self._held_bits = 0
         self.joiner.clear()
+
+    def reset(self) -> None:
+        """Start over: the next message expected is number 0."""
+        self.release()
         self.announced = self.last_handled = NOTHING_YET
         self.unripe = ALL_RIPE
         self.told_first = self.told_bits = self.reports = 0

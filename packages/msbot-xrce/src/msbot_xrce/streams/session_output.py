@@ -234,7 +234,11 @@ class SessionOutput:
                 packets += stream.pull_missed(now)
             if stream.moved:
                 stream.link_drained(now, self.heartbeat_s, self._settings.heartbeat_min_s)
-        if self.outbox.items:
+        items = self.outbox.items
+        if len(items) == 1:
+            item = items.popleft()
+            packets.append(item if type(item) is bytes else item.packets.popleft())  # type: ignore[union-attr]
+        elif items:
             packets += self.outbox.pull()
         if self.owed:
             packets += self._acknacks(now)
