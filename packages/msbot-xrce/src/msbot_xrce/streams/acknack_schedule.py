@@ -41,6 +41,9 @@ GUESSES_MAX = 4
 UNMEASURED_S = 0.02
 """The wait for an answer of a stock client while the round trip is not known. Elsewhere nothing is repeated then."""
 
+RAREST = 5
+"""So often that wait doubles after `REPEATS_MAX`: a peer that never answered may not be there (a forged address)."""
+
 HOPELESS = 32
 """What makes a gap one that cannot be filled: a message beyond it that came again in answer to a report counts 2, a
 HEARTBEAT 1."""
@@ -260,7 +263,8 @@ class AcknackSchedule:
         elif round_trip.smoothed_s is not None:
             question.repeat_at = now + max(self._sender.patience_s(now, question.repeated), delay_s)
         elif self._overtaking is not None:
-            question.repeat_at = now + max(UNMEASURED_S, delay_s)
+            rarer = 1 << min(max(question.repeated - REPEATS_MAX, 0), RAREST)
+            question.repeat_at = now + max(UNMEASURED_S * rarer, delay_s)
         else:
             self.questions.pop(stream_id, None)
             return

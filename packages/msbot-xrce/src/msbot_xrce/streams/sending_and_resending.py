@@ -31,6 +31,12 @@ from msbot_xrce.streams.sequence_numbers import StreamState, last_number
 from msbot_xrce.streams.settings import Memory, SessionCounters
 from msbot_xrce.streams.waiting_messages import DATA, OBJECT_AT, PACKED_MAX, PADDING, REQUESTER, STATUS, Outbox
 
+LONELY, LONELY_STEP, RAREST = 25, 8, 4
+"""After so many HEARTBEATs without an answer they become rarer, by half with each step, and that so often at most.
+
+Nobody may be there: who forged an address once would otherwise have them sent there without end.
+"""
+
 GUARD_MIN_S = 0.001
 """A message is not resent twice within this time because of ACKNACKs for the same gap."""
 
@@ -273,6 +279,8 @@ class ReliableOutput:
             self.heartbeat_at = None
             return
         # Messages that follow do not put it off: a peer that lacks one for long must be asked while they flow.
+        if self._unanswered > LONELY:
+            heartbeat_s *= 1 << min((self._unanswered - LONELY) // LONELY_STEP, RAREST)
         due = now + self._round_trip.patience_s(now, heartbeat_s, heartbeat_min_s, self._unanswered)
         if self.heartbeat_at is None or due < self.heartbeat_at:
             self.heartbeat_at = due
