@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import sys
+from collections.abc import Callable
+from ctypes import POINTER, byref, c_size_t, c_void_p, string_at
 from struct import pack
 
 import pytest
@@ -18,7 +20,8 @@ from msbot_agent.ros.discovery_info import SINCE_IRON, UNTIL_HUMBLE, NodeInfo, d
 from msbot_agent.ros.graph import LAST_ONE, RosGraph
 from msbot_agent.ros.node_names import NodeName
 from msbot_agent.space import Owner, Qos, Topic
-from msbot_agent.space.dds import DdsSpace
+from msbot_agent.space.dds import DdsSpace, libddsc
+from msbot_agent.space.dds.ros_type_hashes import ROS_TYPE_HASHES
 from tests.hearing_client import HearingClient
 from tests.space.dds.foreign_programs import SOURCES
 from tests.space.dds.peers import Inbox, program, until
@@ -28,6 +31,8 @@ TOLD = Topic(discovery_info.TOPIC, discovery_info.TYPE)
 FLOAT = Topic("rt/power", "std_msgs::msg::dds_::Float32_")
 KNOB = Owner(7, "/garden/knob")
 NOWHERE: dict[str, str] = {}
+LIBRARYS_OWN = 0x7FFF0000
+"""Topics from here on are the library's own, which no other program sees."""
 
 
 def last_nodes(inbox: Inbox) -> dict[str, tuple[int, int]]:
@@ -56,6 +61,35 @@ async def test_nodes_come_and_go_with_their_endpoints() -> None:
         await until(lambda: heard.samples and last_nodes(heard) == {})
         assert len(heard.samples) == 3
         graph.close()
+
+
+async def test_no_end_is_without_the_words_that_nodes_read(monkeypatch: pytest.MonkeyPatch) -> None:
+    """`rmw_cyclonedds` complains of each end that it finds without them, also of those with which a space tests DDS."""
+    library = libddsc.load()
+    monkeypatch.setattr(libddsc, "load", lambda: library)
+    library.calls.dds_qget_userdata.argtypes = [c_void_p, POINTER(c_void_p), POINTER(c_size_t)]
+    told: list[bytes] = []
+
+    def spied(make: Callable[..., int]) -> Callable[..., int]:
+        def create(participant: int, topic: int, qos: int | None, listener: object) -> int:
+            if topic < LIBRARYS_OWN:
+                words, size = c_void_p(), c_size_t()
+                if qos is not None:
+                    library.calls.dds_qget_userdata(qos, byref(words), byref(size))
+                told.append(string_at(words, size.value) if size.value else b"")
+            return make(participant, topic, qos, listener)
+
+        return create
+
+    for name in ("dds_create_reader", "dds_create_writer"):
+        monkeypatch.setattr(library.calls, name, spied(getattr(library.calls, name)))
+    with DdsSpace() as here:
+        tests = [*told]
+        here.writer(FLOAT, Qos(), bytes(16), KNOB)
+        here.reader(Topic("own", "OwnType"), Qos(), Inbox(), KNOB)
+    assert len(tests) >= 2
+    assert set(tests) == {b"vendor=msbot;"}
+    assert told[-2:] == [b"typehash=RIHS01_" + ROS_TYPE_HASHES[FLOAT.type_name].encode() + b";", b"vendor=msbot;"]
 
 
 async def test_who_leaves_says_that_no_node_is_left() -> None:

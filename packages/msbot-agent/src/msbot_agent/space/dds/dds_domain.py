@@ -8,7 +8,9 @@ from ctypes import byref
 
 from msbot_agent.space.dds.dds_network import Network, check_domain
 from msbot_agent.space.dds.libddsc import PRECONDITION_NOT_MET, DdsLibrary
+from msbot_agent.space.dds.native_qos import private_qos
 from msbot_agent.space.dds.raw_type import Serialiser, descriptor, type_by_sample, type_of
+from msbot_agent.space.dds.ros_type_hashes import user_data_of
 from msbot_xrce.errors import ConfigError
 from msbot_xrce.lazy import dataclass
 
@@ -120,15 +122,17 @@ class Domain:
         """Version 0.10 does not report types: samples of one type serve for all, and the library converts them."""
         if self._generic_type is None:
             self._generic_topic = self._make_topic(f"{_SELF_TEST}/{os.urandom(8).hex()}", _SELF_TEST)
-            self._generic_type = type_by_sample(self._library, self._generic_topic, self.participant)
+            with private_qos(self._library, user_data_of(_SELF_TEST)) as qos:
+                self._generic_type = type_by_sample(self._library, self._generic_topic, self.participant, qos)
         return self._generic_type
 
     def _test(self) -> None:
         """Write octets to ourselves and compare."""
         calls, name = self._calls, f"{_SELF_TEST}/{os.urandom(8).hex()}"
         topic = self.topic(name, _SELF_TEST)
-        reader = calls.dds_create_reader(self.participant, topic.entity, None, None)
-        writer = calls.dds_create_writer(self.participant, topic.entity, None, None)
+        with private_qos(self._library, user_data_of(_SELF_TEST)) as qos:
+            reader = calls.dds_create_reader(self.participant, topic.entity, qos, None)
+            writer = calls.dds_create_writer(self.participant, topic.entity, qos, None)
         serialiser = Serialiser(self._library)
         try:
             for body in _BODIES:

@@ -62,6 +62,17 @@ def reader_qos(library: DdsLibrary, qos: Qos, partitions: tuple[str, ...], user_
 
 
 @contextlib.contextmanager
+def private_qos(library: DdsLibrary, user_data: bytes) -> Iterator[int]:
+    """The QoS of an end for this process' own use, which is read by others that it does not concern."""
+    made: int = library.calls.dds_create_qos()
+    try:
+        library.calls.dds_qset_userdata(made, user_data, len(user_data))
+        yield made
+    finally:
+        library.calls.dds_delete_qos(made)
+
+
+@contextlib.contextmanager
 def _common(library: DdsLibrary, qos: Qos, partitions: tuple[str, ...], user_data: bytes) -> Iterator[int]:
     calls = library.calls
     made: int = calls.dds_create_qos()

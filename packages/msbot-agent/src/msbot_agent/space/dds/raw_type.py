@@ -127,15 +127,15 @@ def type_of(library: DdsLibrary, entity: int) -> int:
     return found.value
 
 
-def type_by_sample(library: DdsLibrary, topic: int, participant: int) -> int:
-    """The same for version 0.10: read from a sample that a private writer gives to a private reader.
+def type_by_sample(library: DdsLibrary, topic: int, participant: int, qos: int) -> int:
+    """The same for version 0.10: read from a sample that a private writer gives to a private reader, both with `qos`.
 
     Raises:
         ConfigError: the sample does not arrive.
     """
     calls = library.calls
-    reader = calls.dds_create_reader(participant, topic, None, None)
-    writer = calls.dds_create_writer(participant, topic, None, None)
+    reader = calls.dds_create_reader(participant, topic, qos, None)
+    writer = calls.dds_create_writer(participant, topic, qos, None)
     samples, infos = (c_void_p * 1)(), (SampleInfo * 1)()
     calls.dds_write(writer, ctypes.create_string_buffer(8))
     count = calls.dds_takecdr(reader, samples, 1, infos, ANY_STATE)
