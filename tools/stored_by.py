@@ -3,8 +3,9 @@
     .venv/bin/python tools/stored_by.py         into packages/msbot/tests/upgrades/stored/VERSION
 
 A robot of the demo runs for some seconds, a person changes it through the API, and its master ends. What it has written
-is kept: database, blueprint, recording, UID and key of a part, the files of a board, and what the API has answered. A
-folder that is there already is left alone: it is what that version has stored.
+is kept: database, blueprint, recording, UID and key of a part, the files of a board, and what the API has answered;
+besides, what people write for this version: part types, worlds, lessons, missions. A folder that is there already is
+left alone: it is what that version has stored.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from __future__ import annotations
 import gzip
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -26,6 +28,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from msbot.config import board_documents, load_library
 from msbot.config.library.board_wiring import wired_parts
+from tools.release.building import pack
 from tools.sources import ROOT
 from tools.version import read
 
@@ -81,6 +84,7 @@ def main() -> int:
         (kept / "board").mkdir()
         (kept / "board/msbot.json").write_text(json.dumps(board) + "\n")
         _keep_wiring(kept / "board")
+        keep_files(kept)
         shutil.copytree(kept, into)
     sys.stdout.write(f"{into.relative_to(ROOT)}\n")
     return 0
@@ -91,6 +95,31 @@ def _keep_wiring(folder: Path) -> None:
     documents = board_documents(wired_parts(WIRED, load_library()))
     command = [sys.executable, "-c", KEEP, str(ROOT / "micropython")]
     subprocess.run(command, cwd=folder, input=json.dumps([*documents.values()]), text=True, check=True)
+
+
+def keep_files(into: Path) -> None:
+    """Keep files such as people write for this version: those that it brings itself have all keys of each kind."""
+    extension = ROOT / "examples/extension/src/msbot_hello"
+    kinds = {
+        "library": [
+            *(ROOT / "packages/msbot/src/msbot/config/library/types").glob("*.toml"),
+            *(extension / "part_types").glob("*.toml"),
+            *(extension / "messages").glob("*.toml"),
+        ],
+        "worlds": [*(ROOT / "packages/msbot/src/msbot/sim/arena/worlds").glob("*.toml")],
+        "lessons": [*(ROOT / "lessons").glob("*.md")],
+        "missions": [*(ROOT / "packages/msbot-school/src/msbot_school/missions/ready").glob("*.toml")],
+    }
+    with tempfile.TemporaryDirectory() as scratch:
+        for kind, paths in kinds.items():
+            folder = Path(scratch, kind)
+            folder.mkdir()
+            for path in paths:
+                text = path.read_text("utf-8")
+                # A part number of its own, beside that of the same type in a later version.
+                text = re.sub(r'^number = "(.*)"', r'number = "\1-KEPT"', text, count=1, flags=re.MULTILINE)
+                (folder / path.name).write_text(text, "utf-8")
+        pack(Path(scratch), "files", into, 0)
 
 
 class RunningDemo:

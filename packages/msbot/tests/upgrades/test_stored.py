@@ -1,4 +1,4 @@
-"""This version opens what each earlier one has stored: database, blueprint, recording, keys, files of boards, API."""
+"""This version opens what each earlier one has stored: database, blueprint, recording, keys, files, API."""
 
 from __future__ import annotations
 
@@ -7,17 +7,21 @@ import json
 import shutil
 import subprocess
 import sys
+import tarfile
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from msbot.config import open_blueprint
+from msbot.config import load_library, open_blueprint
 from msbot.part.join.part_keys import KEY_OCTETS, parse_key
 from msbot.part.join.uid import kept_file, stored_uid
 from msbot.recording.recordings.mcap_reader import RecordingReader
 from msbot.registry import open_registry
 from msbot.registry.maintenance import database_maintenance
+from msbot.sim.arena.world_reader import open_world
+from msbot_school.lessons.lesson_reader import read_lesson
+from msbot_school.missions.mission_file import load_mission
 from tests.e2e.processes import running
 from tools.sources import ROOT
 from tools.stored_by import STORED, asking
@@ -85,6 +89,34 @@ def test_a_board_reads_its_file(stored: Path) -> None:
         [sys.executable, "-c", program], cwd=stored / "board", capture_output=True, text=True, check=True
     )
     assert done.stdout.split() == ["16", "8"]
+
+
+@pytest.fixture
+def written(stored: Path) -> Path:
+    """What people have written for a version: a folder for each kind of file."""
+    with tarfile.open(stored / "files.tar.gz") as archive:
+        archive.extractall(stored, filter="data")
+    return stored / "files"
+
+
+def test_part_types_and_messages_are_read(written: Path) -> None:
+    kept = [part_type.number for part_type in load_library(written / "library") if part_type.number.endswith("-KEPT")]
+    assert len(kept) > 50
+
+
+def test_worlds_are_read(written: Path) -> None:
+    worlds = sorted((written / "worlds").iterdir())
+    assert len(worlds) >= 6
+    for path in worlds:
+        open_world(str(path))
+
+
+def test_lessons_are_read(written: Path) -> None:
+    assert len([read_lesson(path).title for path in (written / "lessons").iterdir()]) >= 6
+
+
+def test_missions_are_read(written: Path) -> None:
+    assert len([load_mission(path).title for path in (written / "missions").iterdir()]) >= 6
 
 
 @pytest.fixture(scope="module")
