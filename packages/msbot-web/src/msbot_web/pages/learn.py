@@ -122,6 +122,7 @@ class _LessonList:
                         obstacle = page.service.learning.obstacle(lesson) if nothing_runs else ""
                         if obstacle and page.may(Right.DESIGN):
                             ui.label(as_sentence(say(obstacle)))
+                            ui.link(say("Robots and worlds"), "/gallery")
                     if page.may(Right.DESIGN) and nothing_runs and not obstacle:
                         begin = ui.button(say("Begin"), icon="play_arrow", on_click=partial(self._begin, lesson))
                         begin.props("outline")

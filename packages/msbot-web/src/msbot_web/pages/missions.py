@@ -206,6 +206,7 @@ class _Missions:
             words = ui.label("").style("margin-top:.6rem;max-width:60rem")
             needs = ui.label("").classes("soft")
             another = ui.label("").props("role=status")
+            to_others = ui.link(say("Robots and worlds"), "/gallery")
 
         def told() -> None:
             one = ready[str(chosen.value)]
@@ -213,6 +214,7 @@ class _Missions:
             why = obstacles.get(one.name, "")
             begin.set_enabled(not why)
             another.set_visibility(bool(why))
+            to_others.set_visibility(bool(why))
             another.set_text(as_sentence(say(why)) if why else "")
             needs.set_text(
                 say(

@@ -387,7 +387,9 @@ def _wires(page: Page, card: SlotCard) -> None:
     found = page.service.views.library.find(card.part_number)
     if found is not None and found.driver.entry_point:
         with ui.expansion(page.translate("Wiring"), icon="cable").classes("w-full"):
-            ui.html(wiring_picture(found, say=page.translate), sanitize=False).classes("wiring w-full")
+            ui.html(wiring_picture(found, say=page.translate), sanitize=False).classes("wiring w-full").props(
+                "tabindex=0"
+            )
 
 
 def _rhythm(page: Page, slot: str) -> None:

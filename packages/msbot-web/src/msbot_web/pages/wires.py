@@ -288,7 +288,7 @@ class _Form:
                 self._board.classes("w-full").on_value_change(self.look)
                 self._wires = ui.column().classes("w-full").style("gap:.3rem")
             with ui.column().style("flex:2;min-width:min(18rem,100%)"):
-                self._picture = ui.html("", sanitize=False).classes("wiring w-full")
+                self._picture = ui.html("", sanitize=False).classes("wiring w-full").props("tabindex=0")
                 self._says = ui.html("", sanitize=False).classes("w-full").props("aria-live=polite")
         self._fill(now)
 

@@ -598,6 +598,19 @@ def test_a_mission_is_started_answered_and_reported(blank: Page, demo: Site) -> 
     expect(page.get_by_text("No fault is planted")).to_be_visible()
 
 
+def test_how_a_part_is_wired_can_be_read_on_a_phone(blank: Page, demo: Site) -> None:
+    page = blank
+    page.set_viewport_size({"width": 390, "height": 844})
+    go(page, f"{demo.base}/library/SG90")
+    drawing = page.locator(".wiring svg")
+    smallest = (
+        "(svg) => Math.min(...[...svg.querySelectorAll('text')].map((one) => one.getBoundingClientRect().height))"
+    )
+    assert drawing.evaluate(smallest) >= 11
+    assert page.evaluate(FITS), "only the drawing goes on to the right"
+    assert hurdles(page, dark=False) == []
+
+
 def choose(page: Page, label: str, which: int, option: str) -> None:
     page.get_by_label(label, exact=True).nth(which).click()
     page.get_by_role("option", name=option).first.click()
