@@ -22,7 +22,7 @@ from msbot.config import (
     Simulator,
     standard_message_types,
 )
-from msbot.sim.part_model import MOST_WAITING, PartModel, fit
+from msbot.sim.part_model import MOST_STEPS, MOST_WAITING, STEP_S, PartModel, fit
 
 TYPES = standard_message_types()
 LEVEL, SWITCH, HELLO = TYPES["Level"], TYPES["Switch"], TYPES["HelloWorld"]
@@ -225,8 +225,18 @@ def test_what_moves_keeps_its_part_awake_until_it_is_there() -> None:
     assert found.receive("in", {"percent": 5.0}, 0.0)
     assert said(found, 0.25) == []
     assert found.quiet_until(0.25) == 0.25
+    assert found.quiet_until(0.25, lambda port: port != "far") == 0.25 + MOST_STEPS * STEP_S, "nobody hears the port"
     assert said(found, 0.5) == [True]
     assert found.quiet_until(0.5) == float("inf")
+
+
+def test_a_port_that_nobody_hears_keeps_its_part_awake_only_if_its_messages_are_counted() -> None:
+    for follows, until in (("knob", float("inf")), ("#out", 1.0)):
+        found = world(Output("out", {"percent": "seen"}, every=1.0), readings=(Reading("seen", follows=follows),))
+        found.join(0.0)
+        assert len(said(found, 0.0)) == 1
+        assert found.quiet_until(0.0) == 1.0
+        assert found.quiet_until(0.0, lambda port: port != "out") == until
 
 
 def test_a_message_that_says_what_is_known_changes_nothing() -> None:

@@ -71,15 +71,22 @@ class Every:
             steps = math.ceil((at - self._due_at) / self.period_s - 1e-6)
             self._arm(asyncio.get_running_loop(), self._due_at + steps * self.period_s, self._guard)
 
-    def resume(self) -> None:
-        """End that rest: the next call comes at the next point of the grid."""
+    @property
+    def is_resting(self) -> bool:
+        """Whether calls are left out."""
+        return self._rests
+
+    def resume(self, at: float = 0.0) -> None:
+        """End that rest: the next call comes at the next point of the grid; not before `at`, as in `rest_until`."""
         if not self._rests or self._guard is None:
             return
         if self._timer is not None:
             self._timer.cancel()
+            self._timer = None
         loop = asyncio.get_running_loop()
-        steps = math.ceil((loop.time() - self._due_at) / self.period_s)
-        self._arm(loop, self._due_at + steps * self.period_s, self._guard)
+        if at < math.inf:
+            steps = math.ceil((max(loop.time(), at) - self._due_at) / self.period_s - 1e-6)
+            self._arm(loop, self._due_at + steps * self.period_s, self._guard)
 
     def check(self, period_s: float) -> None:
         """Refuse what is no period.
@@ -108,9 +115,15 @@ class Every:
         if self._timer is not None:
             self.late_s += (now - self._timer.when() - self.late_s) / SMOOTHED
         behind = max(0.0, now - due_at)
-        self._arm(loop, due_at + (behind // self.period_s + 1) * self.period_s, guard)
-        if not guard.is_waiting(self.function):
-            guard.call(self.function)
+        self._due_at = due_at + (behind // self.period_s + 1) * self.period_s
+        self._timer = None
+        try:
+            if not guard.is_waiting(self.function):
+                guard.call(self.function)
+        finally:
+            # Only now: most functions that may rest say during their call until when.
+            if self._timer is None and self._guard is guard and not self._rests:
+                self._arm(loop, self._due_at, guard)
 
 
 # `part.after`: a student's function that is called once.

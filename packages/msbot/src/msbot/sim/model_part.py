@@ -209,7 +209,8 @@ class ModelPart:
             self._take_settings()
             if self._world.receive(port.name, leaves_of(message), self._time()):
                 self._world.note_changes()
-                self._resume()
+                if self._ticks is not None and self._ticks.is_resting:
+                    self._ticks.resume(self._world.quiet_until(self._time(), self._is_heard))
             self._moved()
 
         self.part.on(port.name, message_type, optional=True)(take)
@@ -249,10 +250,14 @@ class ModelPart:
                 self.part.publish(port, with_leaves(self._classes[port], told))
         ticks = self._ticks
         if ticks is not None:
-            rest_until = self._world.quiet_until(now)
+            rest_until = self._world.quiet_until(now, self._is_heard)
             if ticks.late_s > LATE_S:
                 rest_until = max(rest_until, now + min(ticks.late_s * GIVE_WAY, LONGEST_REST_S))
             ticks.rest_until(rest_until)
+
+    def _is_heard(self, port: str) -> bool:
+        """Whether the robot connects the port, or the part itself acts on what it says."""
+        return port in self._stops or self.part.bound(port)
 
     def _resume(self) -> None:
         """Something has changed: it may have to be published before the clock says so."""

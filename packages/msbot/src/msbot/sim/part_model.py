@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from random import Random
 
@@ -189,13 +189,19 @@ class PartModel:
                 self._is_changed = self._is_changed or count in self._counted
         return said
 
-    def quiet_until(self, now: float) -> float:
-        """When `say` may have something next, if nothing comes from outside before; `now`: it must be asked often."""
-        if any(
-            mouth.output.on_change and (self._is_changed or mouth.may_change(self._values)) for mouth in self._mouths
-        ):
+    def quiet_until(self, now: float, is_heard: Callable[[str], bool] = lambda _: True) -> float:
+        """When a port that is heard may have something to say next, if nothing comes from outside before.
+
+        Args:
+            now: the time; the result is this if the ports must be looked at often.
+            is_heard: whether what that port says goes anywhere.
+        """
+        heard = [
+            mouth for mouth in self._mouths if is_heard(mouth.output.port) or f"#{mouth.output.port}" in self._counted
+        ]
+        if any(mouth.output.on_change and (self._is_changed or mouth.may_change(self._values)) for mouth in heard):
             return now
-        at = min((output.next_at(self._values) for output in self._mouths), default=math.inf)
+        at = min((mouth.next_at(self._values) for mouth in heard), default=math.inf)
         # What moves is computed in steps of limited number: a longer rest would make them coarser.
         return min(at, now + MOST_STEPS * STEP_S) if self._is_moving else at
 
