@@ -4,6 +4,7 @@ import pytest
 
 from msbot.config import Blueprint, Library
 from msbot.registry import ROLES, KeyRecord, Registry
+from msbot.registry.edits import edit_log
 from msbot.registry.hand_ins import HandIn
 from msbot_xrce.errors import ConfigError
 from tests.registry.events import UID
@@ -45,6 +46,19 @@ def test_the_ticks_of_lessons_go_with_who_is_removed(registry: Registry) -> None
     Hand(registry).remove_user("bob", "ann")
     assert [tick.person for tick in registry.lesson_ticks.all()] == ["cid"]
     assert [work.person for work in registry.hand_ins.of()] == ["cid"]
+
+
+def test_who_changes_something_without_end_displaces_the_own_changes_only(
+    registry: Registry, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(edit_log, "EDITS_KEPT", 5)
+    Hand(registry).keep_user("ann", "administrator", "setup", password_hash="salt")
+    Hand(registry).keep_user("eve", "student", "ann", password_hash="")
+    for number in range(20):
+        Hand(registry).keep_user("eve", "student", "eve", password_hash="", tokens=((f"tablet {number}", "abc"),))
+    found = registry.edits.latest(None, 100)
+    assert [edit.who for edit in found] == ["eve", "eve", "eve", "ann", "setup"]
+    assert registry.users.find("eve") is not None
 
 
 def test_somebody_stays_administrator(registry: Registry) -> None:

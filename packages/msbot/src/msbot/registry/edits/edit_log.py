@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Protocol, Self
 
-from sqlalchemy import ColumnElement, Connection, Row, delete, select, update
+from sqlalchemy import ColumnElement, Connection, Row, delete, func, select, update
 
 from msbot.registry.blueprint import blueprint_snapshot
 from msbot.registry.database.tables import edits
@@ -14,7 +14,10 @@ from msbot_agent.text.sentence import from_json, to_json
 from msbot_xrce.lazy import dataclass
 
 EDITS_KEPT = 10_000
-"""How many edits of a robot are kept."""
+"""How many edits of a robot are kept; of more, the oldest of the person with most of them gives way.
+
+Else a pupil could set a value again and again until nobody sees any more what others have changed.
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,9 +75,19 @@ def record(
     made = connection.execute(edits.insert().values(row))
     assert made.inserted_primary_key is not None
     (number,) = made.inserted_primary_key
-    connection.execute(delete(edits).where(edits_of(author.robot_id), edits.c.id <= number - EDITS_KEPT))
+    _make_room(connection, author.robot_id)
     found = connection.execute(select(edits).where(edits.c.id == number)).one()
     return _edit(found)
+
+
+def _make_room(connection: Connection, robot_id: int | None) -> None:
+    these = edits_of(robot_id)
+    beyond = select(edits.c.id).where(these).order_by(edits.c.id.desc()).offset(EDITS_KEPT).limit(1)
+    if connection.execute(beyond).first() is None:
+        return
+    oldest = func.min(edits.c.id)
+    of_most = select(oldest).where(these).group_by(edits.c.who).order_by(func.count().desc(), oldest).limit(1)
+    connection.execute(delete(edits).where(edits.c.id == connection.execute(of_most).scalar()))
 
 
 def reword(connection: Connection, number: int, words: str) -> None:
