@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import shutil
 import stat
@@ -18,7 +19,7 @@ from msbot.cli.robot_options import DEFAULT_LINK
 from msbot.stop.socket_folders import PREFIX as STOP_FOLDERS
 from msbot_agent.cli.exit_status import ExitStatus
 from msbot_agent.cli.options import WholeRange
-from msbot_agent.process.user_folders import settings_folder
+from msbot_agent.process.user_folders import make_own_folder, settings_folder
 from msbot_xrce.errors import ConfigError
 from msbot_xrce.lazy import dataclass
 
@@ -61,6 +62,16 @@ def _run(command: Sequence[str]) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
 
 
+def _write(path: Path, text: str) -> None:
+    """Write what systemd acts by: whatever the umask is, only this user may change it."""
+    path.parent.mkdir(mode=0o755, exist_ok=True)
+    descriptor = os.open(path, os.O_WRONLY | os.O_CREAT, 0o644)
+    with os.fdopen(descriptor, "w", encoding="utf-8") as stream:
+        path.chmod(0o644)  # it may be there already; before anything is in it
+        stream.truncate(0)
+        stream.write(text)
+
+
 class Systemd:
     """Talks to systemd through its own command.
 
@@ -86,12 +97,12 @@ class Systemd:
             ConfigError: a file cannot be written, or systemd refuses; the text says why.
         """
         try:
-            self.folder.mkdir(parents=True, exist_ok=True)
+            if not self._for_all:
+                make_own_folder(self.folder)
             for name, text in files.items():
-                (self.folder / name).write_text(text, encoding="utf-8")
+                _write(self.folder / name, text)
             if users:
-                USERS.mkdir(parents=True, exist_ok=True)
-                (USERS / f"{started[0].removesuffix('.service')}.conf").write_text(users, encoding="utf-8")
+                _write(USERS / f"{started[0].removesuffix('.service')}.conf", users)
         except OSError as error:
             more = "; a service for the whole computer needs sudo" if self._for_all else ""
             raise ConfigError(f"cannot write {self.folder}: {error.strerror}{more}") from None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import shutil
 import subprocess
@@ -261,6 +262,28 @@ def test_what_its_user_could_not_read_is_told_before_anything_is_installed(folde
     assert "the service runs as the user msbot-msbot_master, who cannot read" in told
     assert "put the robot and the environment of MsBOT under /srv or /opt" in told
     assert played.asked == []
+
+
+@pytest.mark.promise("Other users of the computer change nothing that a program of MsBOT runs")
+@pytest.mark.parametrize("for_all", [False, True])
+def test_units_are_changed_by_who_installed_them_only_whatever_the_umask_is(
+    folder: Path, played: Played, monkeypatch: pytest.MonkeyPatch, *, for_all: bool
+) -> None:
+    monkeypatch.setattr(systemd, "USERS", folder / "sysusers.d")
+    before = os.umask(0)
+    try:
+        manager = Systemd(for_all=for_all)
+        if for_all:
+            manager.folder = folder / "units"
+            manager.folder.mkdir(mode=0o755)
+            (manager.folder / "msbot-x.service").write_text("an earlier one, longer than what takes its place")
+        manager.install({"msbot-x.service": "[Service]"}, ["msbot-x.service"], "u" if for_all else "")
+    finally:
+        os.umask(before)
+    assert (manager.folder / "msbot-x.service").read_text() == "[Service]"
+    made = [path for path in folder.rglob("*") if path.name != "robot.toml"]
+    assert len(made) == 4
+    assert [str(path) for path in made if path.stat().st_mode & 0o022] == []
 
 
 def test_it_is_installed_with_its_user(
