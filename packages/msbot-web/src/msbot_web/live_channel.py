@@ -28,6 +28,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from msbot_web.access.accounts import Accounts
 from msbot_web.access.sessions import Session
+from msbot_web.part_websocket import PACKETS, PacketCarrier
 from msbot_xrce.errors import MsbotError
 
 LIVE_PATH: Final = "/live"
@@ -183,13 +184,16 @@ class _Line:
         self.code = 1000
         """Why it is closed by us."""
         self._socket = socket
+        self._carrier: PacketCarrier | None = socket.scope["state"].get(PACKETS)
         self._news: str | bytes = ""
         self._is_due = asyncio.Event()
 
     def send(self, news: News, now: float) -> None:
         """Send something; only while it is not busy."""
-        self.busy_since = now
         self._news = news.packed() if self._unpacks else news.text
+        if self._carrier is not None and self._carrier.send_packet(self._news):
+            return
+        self.busy_since = now
         self._is_due.set()
 
     async def write(self) -> None:

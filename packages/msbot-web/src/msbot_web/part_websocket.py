@@ -44,8 +44,8 @@ class PacketCarrier(Protocol):
         What cannot go that way comes as messages, as before.
         """
 
-    def send_packet(self, packet: bytes) -> bool:
-        """Send a packet; False: it cannot be sent at once."""
+    def send_packet(self, packet: bytes | str) -> bool:
+        """Send a packet, or a text; False: it cannot be sent at once."""
 
 
 class PartWebSocket:

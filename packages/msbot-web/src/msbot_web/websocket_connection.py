@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 MOST_AT_ONCE: Final = 32
 """Frames of one connection that are taken until everything else has its turn."""
-_BINARY, _CONTROL, _MASKED = 0x80 | Opcode.BINARY, 0x80 | Opcode.CLOSE, 0x80
+_BINARY, _TEXT, _CONTROL, _MASKED = 0x80 | Opcode.BINARY, 0x80 | Opcode.TEXT, 0x80 | Opcode.CLOSE, 0x80
 _TWO_MORE, _EIGHT_MORE = 126, 127
 """Lengths that say how many octets of the length follow."""
 
@@ -54,12 +54,12 @@ class WebSocketConnection(WebSocketsSansIOProtocol):
 
     def handle_connect(self, event: Request) -> None:
         """A handshake."""
-        path = event.path.partition("?")[0]
-        if path.endswith((LIVE_PATH, PART_PATH)):
+        is_carrier = event.path.partition("?")[0].endswith((LIVE_PATH, PART_PATH))
+        if is_carrier:
             # What is live is packed once for all browsers, and packets are short.
             self.conn.available_extensions = []
         super().handle_connect(event)
-        if self.response.status_code == 101 and path.endswith(PART_PATH):
+        if self.response.status_code == 101 and is_carrier:
             self.scope["state"][PACKETS] = self
 
     # Messages for the application
@@ -85,15 +85,16 @@ class WebSocketConnection(WebSocketsSansIOProtocol):
         if not self._has_frames:
             self._take = take
 
-    def send_packet(self, packet: bytes) -> bool:
-        """Send a packet; False: it cannot be sent at once."""
-        size, conn = len(packet), self.conn
+    def send_packet(self, packet: bytes | str) -> bool:
+        """Send a packet, or a text; False: it cannot be sent at once."""
+        octets, kind = (packet.encode(), _TEXT) if isinstance(packet, str) else (packet, _BINARY)
+        size, conn = len(octets), self.conn
         is_ready = self.writable.is_set() and conn.state is State.OPEN and not conn.extensions
         if not is_ready or size > 0xFFFF:
             return False
         long = size >= _TWO_MORE
-        head = bytes((_BINARY, _TWO_MORE, size >> 8, size & 0xFF) if long else (_BINARY, size))
-        self.transport.write(head + packet)
+        head = bytes((kind, _TWO_MORE, size >> 8, size & 0xFF) if long else (kind, size))
+        self.transport.write(head + octets)
         return True
 
     def data_received(self, data: bytes) -> None:

@@ -33,6 +33,10 @@ from msbot_web.live_channel import (
     LiveChannel,
     LiveView,
 )
+from msbot_web.part_websocket import PACKETS
+
+MORE_STATE: dict[str, object] = {}
+"""What else a connection's state has."""
 
 
 class Browser:
@@ -40,7 +44,7 @@ class Browser:
 
     def __init__(self, session: Session, page: str, *, unpacks: bool = False) -> None:
         self.packed: list[bytes] = []
-        self.scope = {"state": {"session": session}}
+        self.scope = {"state": {"session": session, **MORE_STATE}}
         self.query_params = {"page": page, "packed": "1" if unpacks else "0"}
         self.heard: list[str] = []
         self.closed: int | None = None
@@ -180,6 +184,30 @@ def test_long_news_are_packed_once_for_all_who_can_unpack_them() -> None:
         await asyncio.sleep(0.6)
         assert packed[0].news[1:] == [{"fan": 5}]
         assert len(packed[0].packed) == 1  # short ones are not worth it
+
+    on_stage(play)
+
+
+def test_what_the_connection_takes_at_once_needs_no_task(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def play(stage: Stage) -> None:
+        heard: list[bytes | str] = []
+        has_room = True
+
+        class Carrier:
+            def send_packet(self, packet: bytes | str) -> bool:
+                heard.extend([packet] if has_room else [])
+                return has_room
+
+        monkeypatch.setitem(MORE_STATE, PACKETS, Carrier())
+        _, browser = await stage.open("ann", unpacks=True)
+        await asyncio.sleep(3)
+        assert ALIVE in heard
+        assert {"cards": {"knob": 1, "fan": 1}} in [json.loads(one) for one in heard if one != ALIVE]
+        assert browser.heard == []
+        has_room, count = False, len(heard)
+        await asyncio.sleep(3)
+        assert len(heard) == count
+        assert ALIVE in browser.heard
 
     on_stage(play)
 

@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 import ast
+import asyncio
 import inspect
 import tomllib
 from importlib.metadata import version
 from pathlib import Path
+from typing import Literal
 
 import engineio
 import pytest
 import socketio
 from nicegui import Client, client, core
 from nicegui.middlewares import RedirectWithPrefixMiddleware
+from nicegui.outbox import Outbox
 from packaging.requirements import Requirement
 
+from msbot.process.virtual_time import run_virtual
 from msbot_web import nicegui_internals, server
+from msbot_web.nicegui_internals.outboxes import let_outboxes_sleep
 from tools.sources import ROOT, source_files
 
 FOLDER = Path(nicegui_internals.__file__).parent
@@ -71,6 +76,32 @@ def test_the_version_has_an_upper_bound_and_is_within_it() -> None:
 )
 def test_what_is_used_is_still_there(where: object, names: tuple[str, ...]) -> None:
     assert [name for name in names if not hasattr(where, name)] == []
+
+
+def test_an_outbox_with_nothing_to_send_sleeps_until_it_is_told_and_ends(monkeypatch: pytest.MonkeyPatch) -> None:
+    looks: list[float] = []
+    wait = asyncio.Event.wait
+
+    class OpenClient:
+        id = "one"
+        has_socket_connection = True
+
+    async def counted(event: asyncio.Event) -> Literal[True]:
+        looks.append(asyncio.get_running_loop().time())
+        return await wait(event)
+
+    async def main() -> None:
+        let_outboxes_sleep()
+        box, began = object.__new__(Outbox), asyncio.get_running_loop().time()
+        vars(box).update(_client=OpenClient, updates={}, messages=[], _should_stop=False, _enqueue_event=None)
+        running = asyncio.create_task(box.loop())
+        await asyncio.sleep(100)
+        assert looks == [began]
+        box.stop()
+        await asyncio.wait_for(running, 1)
+
+    monkeypatch.setattr(asyncio.Event, "wait", counted)
+    run_virtual(main())
 
 
 def test_what_is_used_is_what_it_was() -> None:

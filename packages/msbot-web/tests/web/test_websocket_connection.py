@@ -218,6 +218,9 @@ def test_a_packet_goes_straight_to_who_takes_it_and_straight_out() -> None:
         for size in (0, 1, 125, 126, 0xFFFF):
             assert carrier.send_packet(bytes(size))
         assert [len(one.data) for one in site.wire.client.events_received()] == [0, 1, 125, 126, 0xFFFF]  # type: ignore[union-attr]
+        assert carrier.send_packet("Grüße")
+        (text,) = site.wire.client.events_received()
+        assert (text.opcode, bytes(text.data)) == (Opcode.TEXT, "Grüße".encode())  # type: ignore[union-attr]
         assert not carrier.send_packet(bytes(0x10000))
         assert site.wire.reads == []  # reading went on all the time
         site.line.pause_writing()
@@ -300,7 +303,7 @@ def test_only_what_is_neither_packed_nor_short_is_compressed(path: str, is_compr
     async def scene() -> None:
         site = await site_of(path=path)
         assert (b"permessage-deflate" in site.wire.written) is is_compressed
-        assert (PACKETS in site.scope["state"]) is path.endswith("/api/link")
+        assert (PACKETS in site.scope["state"]) is not is_compressed
         site.over.set()
 
     run_virtual(scene())

@@ -10,6 +10,7 @@ when a new version has moved something that is used here, or when something outs
 | `page_sockets` | the handlers and sockets of engine.io | bounds for what a page may send |
 | `page_admission` | `Client.instances` | how many pages are made at a time, and for whom |
 | `open_pages` | the handlers of socket.io, `Client.instances` | what a page may do belongs to whom it was made for |
+| `outboxes` | how `Outbox.loop` waits | pages with nothing to say sleep |
 | `late_websocket` | uvicorn's choice of a protocol | the protocol of websockets is loaded when needed |
 | `elements` | mixins and constants of elements | names that NiceGUI does not offer |
 """

@@ -271,8 +271,7 @@ class Master:
 
     def all_type_differences(self) -> list[tuple[str, Sentence]]:
         """The same of all parts, with their names."""
-        infos = self.inventory.view(self._clock())
-        return [(info.slot or info.part, words) for info in infos for words in self.type_differences(info.client_key)]
+        return [(part, difference_sentence(one)) for part, one in self.inventory.all_type_differences()]
 
     def on_why(self, witness: Callable[[PartInfo], Sequence[str]]) -> None:
         """Ask the witness, too, what there is to say about a part."""

@@ -374,6 +374,16 @@ class Inventory:
         record = self._index.record_of(client_key)
         return [] if record is None else self.types.differences(record)
 
+    def all_type_differences(self) -> list[tuple[str, TypeDifference]]:
+        """The same of all parts, each with the slot or the name of its part."""
+        index = self._index
+        return [
+            (index.slot_of(record) or record.name, difference)
+            for record in index.records
+            if index.record_of(record.client_key) is record
+            for difference in self.types.differences(record)
+        ]
+
     def configuration_request(self, lease: int, client_key: int) -> Configuration | None:
         """The configuration of the part with that lease, or None: the lease is unknown, so no answer is sent."""
         record = self._index.by_lease(lease, client_key)
