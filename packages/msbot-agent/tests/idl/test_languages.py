@@ -56,6 +56,47 @@ def test_the_rewritten_idl_says_the_same(tmp_path: Path) -> None:
     )
 
 
+HIDDEN = """
+module std { struct Time { long sec; }; };
+module robot {
+  module std { struct Other { long x; }; };
+  struct Clock { ::std::Time now; robot::std::Other other; };
+  struct Watch { ::robot::Clock robot; };
+};
+"""
+
+
+def test_a_name_that_an_inner_scope_hides_begins_at_the_outermost_one(tmp_path: Path) -> None:
+    source = tmp_path / "hidden.idl"
+    source.write_text(HIDDEN)
+    text = to_idl(read_definitions(source), "hidden.idl")
+    assert "  ::std::Time now;\n  robot::std::Other other;" in text
+    assert "  ::robot::Clock robot;" in text
+    again = tmp_path / "again.idl"
+    again.write_text(text)
+    assert read_definitions(again).structs == read_definitions(source).structs
+
+
+@pytest.mark.parametrize(
+    "tool",
+    [("idlc", "-l", "c", "-x", "final"), ("fastddsgen", "-replace")],
+    ids=["idlc of Cyclone DDS", "fastddsgen of Fast DDS"],
+)
+def test_the_tools_of_others_read_the_rewritten_idl(tool: tuple[str, ...]) -> None:
+    if shutil.which(tool[0]) is None:
+        pytest.skip(f"{tool[0]} is not installed: apt install cyclonedds-tools fastddsgen")
+    texts = {"robot": to_idl(ROBOT, "robot.idl"), "ros": to_idl(ROS, "ros2.idl")}
+
+    def make(folder: Path) -> None:
+        for name, text in texts.items():
+            (folder / f"{name}.idl").write_text(text)
+            done = subprocess.run([*tool, f"{name}.idl"], cwd=folder, capture_output=True, text=True, check=False)
+            assert done.returncode == 0, f"{name}: {done.stdout}{done.stderr}"
+
+    made = kept(f"idl-{tool[0]}", make, tools=(tool[0],), told=(tool, *texts.values()), of=HERE / "none")
+    assert len([*made.glob("robot*"), *made.glob("ros*")]) >= 2 * len(texts)
+
+
 @pytest.fixture(scope="module")
 def library() -> ctypes.CDLL:
     """The generated C, compiled without a warning."""
