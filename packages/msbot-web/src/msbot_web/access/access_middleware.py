@@ -295,6 +295,10 @@ class AccessMiddleware:
                 if path.startswith("/api/") or ("/_nicegui/" not in path and "/web/" not in path):
                     headers = [pair for pair in headers if pair[0].lower() != b"cache-control"]
                     headers.append((b"cache-control", b"no-store"))
+                elif "/_nicegui/" not in path:
+                    # Their addresses are those of every version: after an update a browser must not go on with what it
+                    # has kept. It asks each time, and is mostly told that nothing has changed.
+                    headers.append((b"cache-control", b"no-cache"))
                 message["headers"] = headers
             await send(message)
 

@@ -174,6 +174,15 @@ def test_only_who_may_change_a_blueprint_may_compare_one_and_not_a_large_one(sit
     assert large.status_code == 422
 
 
+def test_a_browser_asks_whether_its_files_are_still_those_of_this_version(site: Site) -> None:
+    with site.browser("ada") as visitor:
+        for path in ("/web/page.js", "/web/msbot.css", "/web/blockly/de.js"):
+            answer = visitor.get(path)
+            assert (answer.status_code, answer.headers["cache-control"]) == (200, "no-cache")
+            again = visitor.get(path, headers={"if-none-match": answer.headers["etag"]})
+            assert (again.status_code, again.headers["cache-control"], again.content) == (304, "no-cache", b"")
+
+
 def test_an_address_that_there_is_not_builds_no_page(site: Site) -> None:
     with site.browser("ada") as visitor:
         for path in ("/nothing", "/_nicegui/nothing", "/web/nothing"):

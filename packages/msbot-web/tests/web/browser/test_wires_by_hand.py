@@ -189,6 +189,7 @@ def test_a_finger_that_trembles_picks_a_port_and_one_that_swipes_moves_the_drawi
     expect(page.locator(".port.picked")).to_have_count(1)
     page.keyboard.press("Escape")
     # A wired port that is picked can be taken off its topic: a finger has no Delete.
+    expect(page.get_by_text("Delete disconnects a port")).to_be_hidden()
     disconnect = page.get_by_role("button", name="Disconnect")
     expect(disconnect).to_be_hidden()
     port(page, "ear.level").tap()
