@@ -180,6 +180,10 @@ class Flusher:
         self._timers.forget(proxy)
         self._lives.forget(proxy)
 
+    def begin(self, clock: Callable[[], float]) -> None:
+        """Serve on a loop with that clock."""
+        self._clock = clock
+
     def stop(self) -> None:
         """Wake nobody any more."""
         if self._alarm is not None:

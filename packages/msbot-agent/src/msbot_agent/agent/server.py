@@ -161,6 +161,7 @@ class Agent:
             LinkDown: a link could not be opened, or the last one has gone; or another master has its bus (BusTaken).
         """
         self._loop = asyncio.get_running_loop()
+        self._flusher.begin(self._loop.time)
         try:
             async with asyncio.TaskGroup() as group:
                 self._group = group

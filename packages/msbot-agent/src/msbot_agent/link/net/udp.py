@@ -254,7 +254,14 @@ class _UdpLink(BaseLink, ABC):
                 continue
             now = clock()
             if self._takes is None or self._takes(peer, now):
-                self._received(packet, peer if remote is None else remote, now)
+                # As `_received`, without a call: this is done for every packet.
+                peer = peer if remote is None else remote
+                counters = self.counters
+                counters.packets_in += 1
+                counters.bytes_in += len(packet)
+                if self.tap is not None:
+                    self.tap(now, "in", peer, packet)
+                self._packet_handler(packet, peer, now)
             if self._alone >= ALONE:
                 break
             if not look():  # a quarter of what it costs to be refused
