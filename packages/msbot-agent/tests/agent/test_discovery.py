@@ -12,6 +12,8 @@ import pytest
 
 from msbot.process.virtual_time import run_virtual
 from msbot_agent.agent.discovery import (
+    ANSWERS_AT_ONCE,
+    ANSWERS_PER_S,
     DISCOVERY_GROUP,
     LOOK_AGAIN_S,
     DiscoveryResponder,
@@ -155,3 +157,27 @@ def test_an_agent_answers_every_address_of_its_computer_and_others_only_where_it
     assert answers(second, "198.51.100.8", None) == telling(HERE[2]), "a system that does not say"
     assert answers(everywhere, "192.0.2.8", HERE[1]) == telling(HERE[1], HERE[2]), "no loopback for other computers"
     assert answers(everywhere, "198.51.100.8", HERE[2]) == telling(HERE[2], HERE[1]), "the one that was asked first"
+
+
+@pytest.mark.promise("A flood neither keeps parts out nor makes active ones late")
+def test_who_asks_without_end_is_answered_so_often_and_others_are_answered_meanwhile(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """The address may be forged: the answers, which are longer, go to somebody who has not asked."""
+    monkeypatch.setattr("msbot_agent.agent.discovery.host_addresses", lambda: HERE)
+    now = 0.0
+    responder = DiscoveryResponder(3018, clock=lambda: now)
+    answered = 0
+    for _ in range(10_000):
+        now += 0.001
+        answered += len(answers(responder, "192.0.2.8", HERE[1]))
+    assert 80 <= answered <= ANSWERS_AT_ONCE + 10 * ANSWERS_PER_S
+    assert responder.left_out == 10_000 - answered
+    assert answers(responder, "192.0.2.9", HERE[1]) == telling(HERE[1], HERE[2])
+    assert all(answers(responder, "127.0.0.1", HERE[0]) for _ in range(200)), (
+        "programs of this computer are not counted"
+    )
+    now += 1.0
+    assert answers(responder, "192.0.2.8", HERE[1])
+    (told,) = caplog.messages
+    assert told.startswith("192.0.2.8 looks for an agent too often")

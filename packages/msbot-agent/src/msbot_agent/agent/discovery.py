@@ -11,9 +11,11 @@ import errno
 import logging
 import socket
 import struct
+import time
 from collections.abc import Callable, Sequence
 from functools import partial
 
+from msbot_agent.pace import SteadyRate
 from msbot_agent.text.untrusted_input import read_system_file
 from msbot_xrce.errors import LinkDown, RemoteProtocolError
 from msbot_xrce.messages import (
@@ -36,6 +38,8 @@ DISCOVERY_PORT = 7400
 _PER_TURN = 32
 """Requests read before others get their turn."""
 _DATAGRAM_MAX = 2048
+ANSWERS_PER_S, ANSWERS_AT_ONCE = 5.0, 40.0
+"""To another computer: an answer is longer than its question, and whoever asks may have forged the address."""
 LOOK_AGAIN_S = 10.0
 """How often it is looked for interfaces that have come up: a network adapter may be plugged in later."""
 _NO_ADDRESS = "0.0.0.0"  # noqa: S104 - whom a packet comes from, not where to listen
@@ -127,6 +131,7 @@ class DiscoveryResponder:
         group: str = DISCOVERY_GROUP,
         interface: str | None = None,
         told: Callable[[], Sequence[str]] | None = None,
+        clock: Callable[[], float] = time.monotonic,
     ) -> None:
         """Answer for the service on that UDP port.
 
@@ -138,17 +143,22 @@ class DiscoveryResponder:
                 of this machine are answered by whatever interface they ask; with a loopback address nobody else is.
             told: returns the addresses to announce; those of the interfaces if absent. An agent on IPv6 is also asked
                 over IPv4, like the genuine one, and announces IPv6 addresses.
+            clock: seconds.
         """
         self._service_port = service_port
         self._port = port
         self._group = group
         self._interface = interface
         self._told = told
+        self._clock = clock
+        self._pace = SteadyRate(ANSWERS_PER_S, ANSWERS_AT_ONCE)
         self._is_local = interface is not None and interface.startswith(_LOOPBACK)
         self.address: tuple[str, int] | None = None
         """Where it listens, once it runs."""
         self.answers = 0
         """Requests answered so far."""
+        self.left_out = 0
+        """Requests of computers that had asked too often."""
 
     async def run(self) -> None:
         """Answer until cancelled.
@@ -247,12 +257,19 @@ class DiscoveryResponder:
             except OSError as error:  # of an earlier answer, or an interface that is down: the next request may come
                 logger.debug("no discovery request could be read: %s", error)
                 return
+            is_too_often = self._pace.wait_s(sender[0], self._clock()) > 0.0
+            if is_too_often and not sender[0].startswith(_LOOPBACK):
+                if not self.left_out:
+                    logger.warning("%s looks for an agent too often: not every question is answered", sender[0])
+                self.left_out += 1
+                continue
             told = partial(self._told_to, sender[0], _came_in_at(ancillary))
             if (answer := discovery_answer(packet, told, self._service_port)) is None:
                 logger.debug("no discovery request from %s", sender)
                 continue
             try:
                 sock.sendto(answer, sender)
+                self._pace.note(sender[0], self._clock())
                 self.answers += 1
             except OSError as error:
                 logger.debug("discovery answer to %s not sent: %s", sender, error)
