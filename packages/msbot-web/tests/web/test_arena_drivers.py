@@ -59,6 +59,7 @@ def test_who_may_not_drive_keeps_no_pilot_plugged_in(tmp_path: Path) -> None:
         other = arena_page(rig, Role.TEACHER, view)
         await other._drive(told([0, 0, 0]))
         assert view.drivers == {student._page.client, other._page.client}
+        odd: object
         for odd in (None, 1, {}, ["x"], [None], [[]]):
             with pytest.raises(NotFromOurPage):
                 await student._drive(told(odd))
