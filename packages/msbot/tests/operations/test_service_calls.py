@@ -74,6 +74,28 @@ def test_what_cannot_be_called_is_said_in_one_sentence(tmp_path: Path) -> None:
     play(tmp_path, scene, AA_IS_A_DIAL, parts=("AA=DIAL",))
 
 
+@pytest.mark.promise("Nobody has a part do something while STOP holds")
+def test_a_part_that_has_not_heard_of_stop_yet_is_asked_nothing(tmp_path: Path) -> None:
+    async def scene(stage: Stage) -> None:
+        served: list[HelloWorld] = []
+
+        def echo(request: HelloWorld) -> HelloWorld:
+            served.append(request)
+            return request
+
+        stage.parts["AA"]._program.servers.clear()
+        stage.parts["AA"].serves("echo", HelloWorld, HelloWorld)(echo)
+        await wired(stage)
+        stage.master.say_stop("ann")
+        await asyncio.sleep(1.0)
+        stage.parts["AA"]._runner.safety.stopped = False
+        refused = await stage.refusal(stage.do.call("AA.echo", ["1", "x"], who="ann"))
+        assert refused == "call of AA.echo: STOP is in force: call again after GO"
+        assert served == []
+
+    play(tmp_path, scene, AA_IS_A_DIAL, parts=("AA=DIAL",))
+
+
 @pytest.mark.promise("A call ends with its reply, or with one sentence, never without an end")
 def test_a_part_that_never_answers_and_people_who_ask_again_and_again(tmp_path: Path) -> None:
     async def scene(stage: Stage) -> None:

@@ -12,7 +12,7 @@ from msbot.operations.manual_control import check_ranges, read_message
 from msbot.operations.operation import Outcome
 from msbot.operations.running_robot import RunningRobot, endpoint_of
 from msbot.part import Message
-from msbot.part.calls import OpenCalls
+from msbot.part.calls import OpenCalls, ReplyStatus, encode_reply
 from msbot.part.messages.leaves import leaves_of
 from msbot.pnp import message_words
 from msbot.service_types import reply_topic, request_topic, service_type
@@ -111,7 +111,10 @@ class ServiceCalls:
                 if writer.readers != 0:
                     break
                 await asyncio.sleep(LOOK_S)  # its part has come just now
-            writer.write(request)
+            if self._running.master.stop.stopped:  # the part may not have heard of it yet
+                self._open.replied(number, encode_reply(ReplyStatus.STOPPED))
+            else:
+                writer.write(request)
             found = await outcome
         finally:
             self._open.forget(number)
