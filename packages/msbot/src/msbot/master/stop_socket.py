@@ -19,7 +19,6 @@ import logging
 import os
 import socket
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from enum import Enum, auto
 from math import inf
 from time import monotonic
@@ -103,6 +102,8 @@ class StopSocket:
         """The open connections, the oldest first."""
         self._reserve = DescriptorReserve(MOST_LINES)
         self._listener: StopListener | None = None
+        self._called: tuple[str, str, str] | None = None
+        """What it listens for: the robot, its STOP group and its database."""
         self._resting: asyncio.TimerHandle | None = None
 
     async def run(self) -> None:
@@ -133,15 +134,15 @@ class StopSocket:
         """
         known, group = self._details(), self._master.stop_group
         robot = f"{known.get('robot', '')} {known.get('serial_number', '')}".strip()
-        name, now = new_name(robot, group, known.get("database", "")), self._listener
-        if now is not None and now.is_in_place() and replace(now.name, mark=name.mark) == name:
+        called, now = (robot, group, known.get("database", "")), self._listener
+        if now is not None and called == self._called and now.is_in_place():
             return
-        new = listen(name)
+        new = listen(new_name(*called))
         if now is not None and new.folder is None and now.folder is None and now.name.group == group:
             new.close()  # there is still no folder, and nothing to gain
             return
         self._stop_listening()
-        self._listener = new
+        self._listener, self._called = new, called
         asyncio.get_running_loop().add_reader(new.socket, self._readable)
         if new.folder is None:
             _log.warning("there is no folder for the socket of STOP (a full disk?): it has a name without one")
