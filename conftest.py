@@ -107,7 +107,7 @@ PAGES = (
     "blocks", "truth", "arena", "tab", "demo_pages", "time_slider", "wires_by_hand", "plots", "lessons_by_hand",
     "program_page", "german", "french", "class_room", "board_page", "hostile_names", "strangers_files",
     "describing_parts", "class_view", "held_controls", "menus", "everybody", "hand_ins_by_hand", "gallery",
-    "pupils_page", "come_back", "behind_proxy", "behind_filters", "class_of_three",
+    "pupils_page", "learn_and_missions_by_hand", "come_back", "behind_proxy", "behind_filters", "class_of_three",
 )  # fmt: skip
 """Two browsers at a time: in this order there is mostly one that works hard beside one that waits."""
 FIRST = (
