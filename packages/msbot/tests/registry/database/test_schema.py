@@ -19,6 +19,8 @@ from msbot.registry.database import schema
 from msbot.registry.database.engine import make_engine, parse_address
 from msbot.registry.database.schema import Migrations, bring_up_to_date, folder_migrations, own_migrations, read_version
 from msbot.registry.database.tables import metadata
+from msbot.registry.maintenance import database_maintenance
+from msbot.registry.read_only_database import lock_file
 from msbot_xrce.errors import RegistryError
 
 NOW = own_migrations().newest
@@ -147,6 +149,37 @@ def test_a_newer_database_is_refused_and_left_alone(
         f"robot.db.schema{NOW}.1.backup"
     )
     assert path.read_bytes() == before
+
+
+def test_an_older_msbot_takes_the_copy_back_and_keeps_what_the_newer_one_wrote(
+    path: Path, tmp_path: Path, blueprint: Blueprint, library: Library
+) -> None:
+    """As docs/reference/stability.md says, "Back to an older version"."""
+    with open_registry(path) as registry:
+        name = registry.robots.apply_blueprint(blueprint, library).name
+    open_registry(path, migrations=_migrations(tmp_path, NEXT)).close()
+    newer = path.read_bytes()
+    copy = path.with_name(f"robot.db.schema{NOW}.1.backup")
+    kept = database_maintenance.restore(copy, str(path))
+    assert kept == path.with_name("robot.db.newer.1")
+    assert kept.read_bytes() == newer
+    with open_registry(path) as registry:
+        assert [robot.name for robot in registry.robots.all()] == [name]
+
+
+def test_a_newer_database_stays_while_its_master_runs(
+    path: Path, tmp_path: Path, blueprint: Blueprint, library: Library
+) -> None:
+    with open_registry(path) as registry:
+        robot = registry.robots.apply_blueprint(blueprint, library)
+        number = robot.id
+    open_registry(path, migrations=_migrations(tmp_path, NEXT)).close()
+    copy = path.with_name(f"robot.db.schema{NOW}.1.backup")
+    with closing(sqlite3.connect(lock_file(path, number), isolation_level=None)) as lock:
+        lock.execute("BEGIN EXCLUSIVE")
+        with pytest.raises(RegistryError, match="a master is running a robot"):
+            database_maintenance.restore(copy, str(path))
+    assert not path.with_name("robot.db.newer.1").exists()
 
 
 def test_the_database_of_another_program_is_refused_and_left_alone(path: Path) -> None:

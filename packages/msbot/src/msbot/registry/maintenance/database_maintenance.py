@@ -295,7 +295,7 @@ def find_backup(source: Path) -> None:
 def restore(source: Path, address: str) -> Path | None:
     """Replace the content of a database by that of a backup; returns a copy of the old content if it had robots.
 
-    A file that is damaged is set aside and returned.
+    A file that is damaged, or that a newer MsBOT has written, is set aside and returned.
 
     Raises:
         RegistryError: the backup or the database cannot be used, or a master is running one of its robots.
@@ -306,7 +306,7 @@ def restore(source: Path, address: str) -> Path | None:
         make_private(copy)
         shutil.copyfile(source, copy)
         check_backup(copy, needs_administrator=False)
-        damaged = _set_damaged_aside(address)
+        unread = _set_unread_aside(address)
         open_registry(address).close()
         where, engine = _open(address)
         try:
@@ -314,18 +314,21 @@ def restore(source: Path, address: str) -> Path | None:
             _replace(copy, where, engine)
         finally:
             engine.dispose()
-    return damaged or kept
+    return unread or kept
 
 
-def _set_damaged_aside(address: str) -> Path | None:
-    """A file that cannot be read as the database gives way to the backup; nothing of it is deleted.
+def _set_unread_aside(address: str) -> Path | None:
+    """A file that this version cannot read as the database gives way to the backup; nothing of it is deleted.
 
     Raises:
         RegistryError: a master is running a robot of it.
     """
     where = parse_address(address)
     path = where.path
-    if path is None or not path.is_file() or not _is_damaged(path):
+    if path is None or not path.is_file():
+        return None
+    why = "damaged" if _is_damaged(path) else "newer" if _is_newer(path) else ""
+    if not why:
         return None
     for lock in path.parent.glob(f"{path.name}.running*"):
         if is_locked(lock):
@@ -333,12 +336,17 @@ def _set_damaged_aside(address: str) -> Path | None:
                 said("a master is running a robot with the database {words}: stop it first", words=where.words)
             )
     number = 1
-    while (aside := path.with_name(f"{path.name}.damaged.{number}")).exists():
+    while (aside := path.with_name(f"{path.name}.{why}.{number}")).exists():
         number += 1
     path.rename(aside)
-    for ending in ("-wal", "-shm"):  # they belong to the damaged file, and would spoil the new one
+    aside.chmod(0o600)
+    log = path.with_name(f"{path.name}-wal")
+    has_written = log.exists() and log.stat().st_size > 0  # an empty one is left by a look at the file
+    for ending in ("-wal", "-shm"):  # they belong to that file, and would spoil the new one
         beside = path.with_name(f"{path.name}{ending}")
-        if beside.exists():
+        if not has_written:
+            beside.unlink(missing_ok=True)
+        elif beside.exists():
             beside.rename(aside.with_name(f"{aside.name}{ending}"))
     return aside
 
@@ -356,6 +364,16 @@ def _is_damaged(path: Path) -> bool:
             return bool(connection.execute("PRAGMA quick_check(1)").fetchone() != ("ok",))
     except sqlite3.DatabaseError as error:
         return error.sqlite_errorname.startswith(("SQLITE_CORRUPT", "SQLITE_NOTADB"))
+
+
+def _is_newer(path: Path) -> bool:
+    """Whether a newer MsBOT has written a file that SQLite can read."""
+    try:
+        with closing(sqlite3.connect(f"file:{path.absolute().as_posix()}?mode=ro", uri=True)) as connection:
+            row = connection.execute("SELECT version_num FROM alembic_version").fetchone()
+    except sqlite3.DatabaseError:
+        return False  # it has no such table: it is new, or another program's
+    return row is not None and str(row[0]).isdecimal() and int(row[0]) > own_migrations().newest
 
 
 def check(address: str) -> list[str]:
