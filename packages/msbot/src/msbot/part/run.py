@@ -129,15 +129,15 @@ def _give_uids(parts: Sequence[Part], uid: str | None) -> None:
 def _give_keys(parts: Sequence[Part], key: str | None) -> None:
     if key is not None and len(parts) > 1:
         raise ConfigError(f"--key is for a program with one part, this one has {len(parts)}")
+    for part in parts:
+        if key is not None or part.key is None:
+            part.key = given_key(key, part.part_number, part.local_name)
     if key is not None and not is_key_file(key):
         _log.warning(
             "every user of this computer can read the key in --key (`ps`): write it into a file (chmod 600) and give "
             "its name, or set $%s",
             KEY_VARIABLE,
         )
-    for part in parts:
-        if key is not None or part.key is None:
-            part.key = given_key(key, part.part_number, part.local_name)
 
 
 async def _run_all(pairs: list[tuple[Part, Link]]) -> None:

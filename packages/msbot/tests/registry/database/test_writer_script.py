@@ -132,6 +132,7 @@ def writer(script: Scripted) -> Iterator[DatabaseWriter]:
     writer = DatabaseWriter(script, "robot.db", capacity=8, check=script.check)  # type: ignore[arg-type]  # as far as it is used
     yield writer
     writer.close()
+    writer._thread.join(20)  # its patience was virtual
     assert not writer._thread.is_alive()
 
 
