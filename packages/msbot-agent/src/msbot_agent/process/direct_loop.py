@@ -63,10 +63,7 @@ if sys.platform == "linux":
             data: Any = None,  # noqa: ANN401 - as it is there
         ) -> selectors.SelectorKey:
             """As in every selector."""
-            key = super().register(fileobj, events, data)
-            self._keys[key.fd] = key
-            self.readers.pop(key.fd, None)
-            return key
+            return self._noted(super().register(fileobj, events, data))
 
         def modify(
             self,
@@ -75,7 +72,9 @@ if sys.platform == "linux":
             data: Any = None,  # noqa: ANN401 - as it is there
         ) -> selectors.SelectorKey:
             """As in every selector."""
-            key = super().modify(fileobj, events, data)
+            return self._noted(super().modify(fileobj, events, data))
+
+        def _noted(self, key: selectors.SelectorKey) -> selectors.SelectorKey:
             self._keys[key.fd] = key
             self.readers.pop(key.fd, None)
             return key

@@ -73,10 +73,23 @@ def test_a_card_that_comes_in_pieces_is_as_one_that_comes_whole(blank: Page, dem
             port="power", topic="<t>", type_name=type_name, publishes=True, reliable=True, fields=fields, rate_hz=1.0
         )
         card = SlotCard.model_construct(
-            name="fan", part_number="FAN-5V", type_name="Fan", category="sensor", description="", state="active",
-            reason="", part=line, ports=[port], next_beat_s=next_beat_s, spares=[], simulated=True, plugged=True,
-            faults=[], type_differences=[], wear=None,
-        )  # fmt: skip
+            name="fan",
+            part_number="FAN-5V",
+            type_name="Fan",
+            category="sensor",
+            description="",
+            state="active",
+            reason="",
+            part=line,
+            ports=[port],
+            next_beat_s=next_beat_s,
+            spares=[],
+            simulated=True,
+            plugged=True,
+            faults=[],
+            type_differences=[],
+            wear=None,
+        )
         return Robot.model_construct(beat_s=1.0, slots=[card])
 
     values: list[tuple[str, dict[str, Scalar], dict[str, Scalar]]] = [
