@@ -17,8 +17,6 @@ import contextlib
 import json
 import logging
 import os
-import re
-import signal
 import statistics
 import subprocess
 import sys
@@ -33,6 +31,7 @@ from bench.growth_curves import Curve, curves
 from bench.machine import describe_machine
 from bench.many_parts import cpu_s
 from bench.result import write_result
+from bench.running_demo import READY_S, running_demo
 from bench.scale import memory_mb
 from msbot import HelloWorld
 from msbot.config import load_library
@@ -56,7 +55,6 @@ WARM_LOOKS = 2
 DAYS_PARTS = 3
 PAGES = (1, 3, 10, 30)
 PAGE_TURNS, TURN_S, SETTLED_S = 3, 10.0, 4.0
-READY_S = 120.0
 
 
 def main() -> None:
@@ -217,29 +215,6 @@ def day(seconds: float) -> list[str]:
 
 
 @contextlib.contextmanager
-def _demo(folder: Path) -> Iterator[tuple[int, str]]:
-    """A demo; its process and the link that signs in."""
-    log = folder / "log"
-    command = [sys.executable, "-m", "msbot", "demo", "--port", "0"]
-    home = {**os.environ, "HOME": str(folder), "XDG_RUNTIME_DIR": str(folder)}
-    folder.chmod(0o700)
-    with log.open("w") as out:
-        demo = subprocess.Popen(
-            command, cwd=folder, env=home, stdin=subprocess.PIPE, stdout=out, stderr=subprocess.STDOUT
-        )
-    try:
-        ends_at = time.monotonic() + READY_S
-        while (link := re.search(r"http://\S+/enter\?token=\S+", log.read_text())) is None:
-            if time.monotonic() > ends_at or demo.poll() is not None:
-                raise SystemExit(f"the demo does not come up:\n{log.read_text()}")
-            time.sleep(0.1)
-        yield demo.pid, link[0]
-    finally:
-        demo.send_signal(signal.SIGTERM)
-        demo.wait(30)
-
-
-@contextlib.contextmanager
 def _opened(link: str, number: int) -> Iterator[None]:
     command = [sys.executable, "-m", "bench.open_pages", link, "--pages", str(number), "--seconds", "3600"]
     with subprocess.Popen(command, stdout=subprocess.DEVNULL) as browsers:
@@ -260,7 +235,7 @@ def _used(pid: int) -> float:
 def pages(drawn: list[Curve], numbers: tuple[int, ...], turns: int) -> list[str]:
     """A demo of ten parts, with nobody looking and with pages open."""
     alone, open_share = [], {number: list[float]() for number in numbers}
-    with tempfile.TemporaryDirectory() as name, _demo(Path(name)) as (pid, link):
+    with tempfile.TemporaryDirectory() as name, running_demo(Path(name)) as (pid, link):
         time.sleep(SETTLED_S)
         for _ in range(turns):
             for number in numbers:

@@ -96,10 +96,10 @@ def main() -> None:
             write_result("scale", "From one robot to a thousand", lines, made_by="python -m bench.scale --write")
 
 
-def memory_mb(pid: int) -> float:
-    """Memory of a process, what it shares counted by its share, in MB."""
+def memory_mb(pid: int, what: str = "Pss") -> float:
+    """Memory of a process in MB: what it shares counted by its share (Pss), or in full (Rss)."""
     text = Path(f"/proc/{pid}/smaps_rollup").read_text()
-    return next(int(line.split()[1]) for line in text.splitlines() if line.startswith("Pss:")) / 1024
+    return next(int(line.split()[1]) for line in text.splitlines() if line.startswith(f"{what}:")) / 1024
 
 
 @contextlib.contextmanager
