@@ -47,6 +47,15 @@ def test_man_shows_them_without_a_warning(folder: Path) -> None:
     assert shown.stderr == ""
 
 
+def test_an_option_is_no_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    for option, status in (("--help", 0), ("--folder", 2)):
+        with pytest.raises(SystemExit) as ended:
+            main(option)
+        assert ended.value.code == status
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_a_wheel_brings_those_of_its_commands(folder: Path, tmp_path: Path) -> None:
     project = tmp_path / "msbot-bridges"
     shutil.copytree(ROOT / "packages" / "msbot-bridges", project, ignore=shutil.ignore_patterns("tests", "build"))

@@ -8,6 +8,7 @@ A page has what `--help` says: `msbot topic --help` and those of all commands be
 
 from __future__ import annotations
 
+import argparse
 import re
 import sys
 from collections.abc import Iterator
@@ -29,9 +30,12 @@ _FIRST_OF_LINE = re.compile(r"^[.']", re.MULTILINE)
 
 def main(*arguments: str) -> None:
     """Write them all."""
+    options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    options.add_argument("folder", nargs="?", type=Path, help="where to, all of them")
+    wanted = options.parse_args(arguments).folder
     for name, page in pages():
         package = "msbot-agent" if name == "msbot" else package_of(name.removeprefix("msbot-"))
-        folder = Path(arguments[0]) if arguments else PACKAGES / package / "build" / "man"
+        folder = wanted or PACKAGES / package / "build" / "man"
         folder.mkdir(parents=True, exist_ok=True)
         (folder / f"{name}.1").write_text(page, "utf-8")
 
