@@ -73,6 +73,14 @@ def test_a_part_that_has_not_confirmed_is_named_until_go_also_when_its_slot_is_t
     play(tmp_path, scene, parts=(*RING, "DD=EFGH"))
 
 
+def test_go_in_a_robot_without_active_parts_counts_none(tmp_path: Path) -> None:
+    async def scene(stage: Stage) -> None:
+        await stage.do.stop(who="ann")
+        assert (await stage.do.go(who="ann")).words == "STOP is over; no part was active"
+
+    play(tmp_path, scene, parts=())
+
+
 def test_stop_holds_for_parts_that_come_later_until_it_is_ended(tmp_path: Path) -> None:
     async def scene(stage: Stage) -> None:
         await stage.do.stop(who="ann")

@@ -83,7 +83,11 @@ class StopOperations:
             ConfigError: nobody said STOP, or somebody has said another one since that one.
         """
         told = self._running.master.say_go(who, stop)
-        words = counted(told, "STOP is over: {count} part may work again", "STOP is over: {count} parts may work again")
+        words = (
+            counted(told, "STOP is over: {count} part may work again", "STOP is over: {count} parts may work again")
+            if told
+            else said("STOP is over; no part was active")
+        )
         trouble = _not_stored(await self._running.master.until_stop_is_stored(ANSWER_S))
         if trouble:
             words = said("{words}. {trouble}: a master that starts may find STOP again", words=words, trouble=trouble)
