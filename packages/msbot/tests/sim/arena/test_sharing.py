@@ -8,7 +8,7 @@ from collections.abc import AsyncIterator, Callable
 
 import pytest
 
-from msbot.cli.run.world_options import WorldOptions
+from msbot.cli.run.world_options import WorldOptions, remote_world
 from msbot.sim import make_simulator
 from msbot.sim.arena import arena_server as server_module
 from msbot.sim.arena.arena import Arena
@@ -96,6 +96,32 @@ def test_wishes_about_a_password_are_checked() -> None:
         with pytest.raises(ConfigError, match=words):
             wishes.check()
     WorldOptions("line", share="7600", password="long enough").check()
+
+
+def test_a_password_need_not_stand_on_the_command_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("MSBOT_WORLD_PASSWORD", "short")
+    WorldOptions("line").check()  # of this world nobody asks for it
+    with pytest.raises(ConfigError, match=r"^\$MSBOT_WORLD_PASSWORD has at least 8 characters"):
+        WorldOptions("line", share="7600").check()
+    assert WorldOptions("line", share="7600", password="on the line").guests_password == "on the line"
+    monkeypatch.setenv("MSBOT_WORLD_PASSWORD", PASSWORD)
+    WorldOptions("line", share="7600").check()
+    assert WorldOptions("line", share="7600").guests_password == PASSWORD
+
+
+async def test_a_guest_takes_the_password_from_its_environment(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(server_module, "WRONG_S", 0.0)
+    monkeypatch.setenv("MSBOT_WORLD_PASSWORD", PASSWORD)
+    async with shared("line") as (living, server):
+        eyes = make_simulator("HC-SR04")
+        door = remote_world(f"tcp:127.0.0.1:{server.port}", None, print)
+        door.enter("eyes", eyes)
+        coming = asyncio.create_task(door.run())
+        await until(lambda: living.slots("robot") == ("eyes",))
+        coming.cancel()
+        await asyncio.gather(coming, return_exceptions=True)
+        with pytest.raises(ConfigError, match="asks for its password"):
+            await remote_world(f"tcp:not this one@127.0.0.1:{server.port}", None, print).run()
 
 
 async def test_nonsense_is_counted_and_hurts_nobody() -> None:

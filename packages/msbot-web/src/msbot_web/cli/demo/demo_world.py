@@ -60,7 +60,7 @@ class DemoWorld:
         self.living = RunningArena(Arena(plan, seed))
         self.door = LocalWorldConnection(self.living, self.robot)
         if wishes.share is not None:
-            password = wishes.password or secrets.token_urlsafe(9)
+            password = wishes.guests_password or secrets.token_urlsafe(9)
             at = address(wishes.share, "--share-world 7600")
             self._server = ArenaServer(self.living, *at, password=password, say=say)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
 
 OTHER = "tcp:"
 """How the address of another program's world begins."""
+PASSWORD_VARIABLE = "MSBOT_WORLD_PASSWORD"
+"""Has the password where the command line has none, which `ps` shows every user of the computer."""
 SHORTEST = 8
 """Characters of a world's password."""
 
@@ -32,7 +35,12 @@ class WorldOptions:
     place: str | None = None
     share: str | None = None
     password: str | None = None
-    """What guests have to say; None: one is made up."""
+    """What guests have to say, as the command line says it."""
+
+    @property
+    def guests_password(self) -> str | None:
+        """What guests have to say: of the command line or of $MSBOT_WORLD_PASSWORD; None: one is made up."""
+        return self.password or os.environ.get(PASSWORD_VARIABLE) or None
 
     def check(self) -> None:
         """Raises ConfigError for what contradicts itself."""
@@ -42,14 +50,17 @@ class WorldOptions:
             raise ConfigError("a world of another program is shared by that one: leave --share-world out")
         if self.password is not None and self.share is None:
             raise ConfigError("--world-password is for a world that is shared: say where with --share-world 7600")
-        if self.password is not None and (len(self.password) < SHORTEST or not is_name(self.password)):
-            raise ConfigError(f"--world-password has at least {SHORTEST} characters, all printable")
         if self.share is not None:
+            password = self.guests_password
+            if password is not None and (len(password) < SHORTEST or not is_name(password)):
+                place = f"${PASSWORD_VARIABLE}" if self.password is None else "--world-password"
+                raise ConfigError(f"{place} has at least {SHORTEST} characters, all printable")
             address(self.share, "--share-world 7600")
 
 
 def remote_world(world: str, place: str | None, say: Callable[[str], None]) -> WorldConnection:
-    """The door into a world of another program, `tcp:PASSWORD@HOST:PORT`.
+    """The door into a world of another program, `tcp:PASSWORD@HOST:PORT`; or `tcp:HOST:PORT`, and the password is in
+    $MSBOT_WORLD_PASSWORD.
 
     Raises:
         ConfigError: the address makes no sense.
@@ -63,6 +74,7 @@ def remote_world(world: str, place: str | None, say: Callable[[str], None]) -> W
             "--world tcp:PASSWORD@127.0.0.1:7600"
         )
     password, _, at = world.removeprefix(OTHER).rpartition("@")
+    password = password or os.environ.get(PASSWORD_VARIABLE, "")
     return RemoteWorldConnection(*address(at, "--world tcp:PASSWORD@127.0.0.1:7600"), place, password=password, say=say)
 
 
@@ -99,7 +111,7 @@ world_option = click.option(
     "--world",
     metavar="WORLD",
     help="The world to drive in: a name from `msbot arena list`, a file, or tcp:PASSWORD@HOST:PORT for that of "
-    "another program.",
+    f"another program; without PASSWORD@ it is taken from ${PASSWORD_VARIABLE}, which other users cannot see.",
 )
 place_option = click.option("--place", metavar="NAME", help="Its place in the world; default: the first free one.")
 _share_option = click.option(
@@ -111,7 +123,8 @@ _share_option = click.option(
 _password_option = click.option(
     "--world-password",
     metavar="WORD",
-    help="The password for other programs' robots; default: a random one, which is printed.",
+    help=f"The password for other programs' robots, visible to other users (`ps`); default: ${PASSWORD_VARIABLE}, else "
+    "a random one, which is printed.",
 )
 
 

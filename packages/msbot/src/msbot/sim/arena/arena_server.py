@@ -105,7 +105,9 @@ class ArenaServer:
         if not hmac.compare_digest(str(hello.get("password", "")).encode(), self.password.encode()):
             self.refused["wrong password"] += 1
             await asyncio.sleep(WRONG_S)
-            writer.write(to_line({"error": "it asks for its password: --world tcp:PASSWORD@HOST:PORT"}))
+            writer.write(
+                to_line({"error": "it asks for its password: --world tcp:PASSWORD@HOST:PORT, or $MSBOT_WORLD_PASSWORD"})
+            )
             return
         self._strangers.pop(writer, None)
         if self._guests >= MOST_GUESTS:
