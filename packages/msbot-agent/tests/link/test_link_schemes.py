@@ -192,7 +192,7 @@ def test_the_page_serves_parts_by_itself() -> None:
         ("udp:h:1", True, LinkInfo("udp:h:1", 65_507, None, False, False, False, True)),
         ("tcp:h:1", False, LinkInfo("tcp:h:1", 65_535, None, False, False, True, False)),
         ("tcp:h:1", True, LinkInfo("tcp:h:1", 65_535, None, False, False, True, False)),
-        ("ws://h:1", False, LinkInfo("ws://h:1", 65_535, None, False, False, True, False)),
+        ("ws://h:1", False, LinkInfo("ws://h:1", 65_535, None, False, False, True, False, True)),
         ("serial:/dev/a", False, LinkInfo("serial:/dev/a", 65_535, 115_200, False, False, True, False)),
         ("serial:/dev/a?baudrate=9600", True, LinkInfo("serial:/dev/a", 65_535, 9_600, False, False, True, False)),
         ("sim:x", True, LinkInfo("sim:x", 4_096, 500_000, True, False, True, False)),

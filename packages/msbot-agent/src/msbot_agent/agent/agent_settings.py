@@ -121,4 +121,5 @@ def session_settings(settings: AgentSettings, link: LinkInfo, *, is_stock: bool)
         packs=settings.packs and is_fast,
         peer_is_stock=is_stock,
         may_reorder=not link.keeps_order,
+        sparse_acknacks=link.sparse_acknacks and not is_stock,
     )

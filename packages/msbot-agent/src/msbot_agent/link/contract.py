@@ -63,6 +63,8 @@ class LinkInfo:
     in_bursts: bool = False
     """True when the link signals the end of every burst of packets: an owner that answers the whole burst at once then
     saves a turn of the event loop per packet."""
+    sparse_acknacks: bool = False
+    """True when nothing is lost between two ends of MsBOT: one ACKNACK then speaks for several messages."""
 
 
 @dataclass(slots=True)

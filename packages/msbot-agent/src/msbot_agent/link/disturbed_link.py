@@ -10,6 +10,7 @@ import asyncio
 import heapq
 import math
 from collections.abc import Callable, Hashable, Sequence
+from dataclasses import replace
 from itertools import count
 from random import Random
 from typing import Final, Protocol
@@ -98,13 +99,15 @@ class Disturbance:
 class DisturbedLink:
     """Wraps any link and treats its packets; satisfies `Link`. Counters and tap are those of the wrapped link.
 
+    It may lose packets, so ACKNACKs are not sparse.
+
     Args:
         link: the link that carries the packets that are left; its packets come here from now on.
         *treatments: what happens to them.
     """
 
     def __init__(self, link: Link, *treatments: Treatment) -> None:
-        self.info = link.info
+        self.info = replace(link.info, sparse_acknacks=False)
         self.counters = link.counters
         self.remote = link.remote
         self.inner = link

@@ -43,7 +43,8 @@ class FailoverLink(BaseLink):
         name = ",".join(link.info.name for link in links)
         if any(link.info.shared_bus for link in links):
             raise ConfigError(f"link {name!r}: a bus has one master at a time, and parts find it by themselves")
-        super().__init__(LinkInfo(name, min(link.info.mtu for link in links)), remote=MASTER)
+        mtu, is_sparse = min(link.info.mtu for link in links), all(link.info.sparse_acknacks for link in links)
+        super().__init__(LinkInfo(name, mtu, sparse_acknacks=is_sparse), remote=MASTER)
         self._links = tuple(links)
         self._current = 0
         self._is_up = [False] * len(links)

@@ -22,9 +22,16 @@ SERVER = 0
 
 
 class InprocHub:
-    """One server end and the client ends that were made for it."""
+    """One server end and the client ends that were made for it.
 
-    def __init__(self) -> None:
+    Args:
+        name: what it is called, where links are shown.
+        mtu: largest packet in bytes.
+    """
+
+    def __init__(self, name: str = "inproc", mtu: int = INPROC_MTU) -> None:
+        self.info = LinkInfo(name, mtu, sparse_acknacks=True)
+        """What both ends say of it."""
         self._open: dict[Peer, InprocEnd] = {}
         self._clients = 0
         self.server = InprocEnd(self, SERVER)
@@ -68,7 +75,7 @@ class InprocEnd(BaseLink):
     """
 
     def __init__(self, hub: InprocHub, number: int) -> None:
-        super().__init__(LinkInfo("inproc", INPROC_MTU), remote=None if number == SERVER else SERVER)
+        super().__init__(hub.info, remote=None if number == SERVER else SERVER)
         self.number = number
         """What its partners call this end."""
         self._hub = hub

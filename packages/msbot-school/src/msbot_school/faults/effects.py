@@ -11,7 +11,7 @@ from typing import Final, Protocol
 from msbot.operations.running_robot import RunningRobot
 from msbot.registry import Registry
 from msbot.sim import Distortion, SimulatedPart
-from msbot_agent.link import InprocHub, Link, LinkInfo
+from msbot_agent.link import InprocHub, Link
 from msbot_agent.link.can import BusState
 from msbot_agent.link.can.protocol import Frame, frame_bits
 from msbot_agent.link.can.sim import SimBusDriver, SimCanBus
@@ -121,9 +121,7 @@ class GuestPartHub:
     def connect(self) -> Link:
         """A link for one more."""
         if self._hub is None:
-            self._hub = InprocHub()
-            # A plain name: who is to find the fault may read it.
-            self._hub.server.info = LinkInfo("memory", self._hub.server.info.mtu)
+            self._hub = InprocHub("memory")  # a plain name: who is to find the fault may read it
             self._running.master.add_link(self._hub.server)
         return self._hub.connect()
 

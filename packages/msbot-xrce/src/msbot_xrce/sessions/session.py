@@ -8,6 +8,9 @@ messages of a burst, and ACKNACKs never overtake each other; if they did, a C cl
 DEVIATION: the genuine agent sends an ACKNACK for each message. An ACKNACK covers all messages before it, so of those
 that came at once the last one says it all, in a fraction of the packets.
 
+On a link that loses nothing, between two ends of MsBOT, an ACKNACK may speak for messages of a longer time
+(`SessionSettings.sparse_acknacks`): what a robot's programs send is acknowledged four times as rarely.
+
 A gap is reported at once and again after a while (`AcknackSchedule`). So repair on a lossy link takes a round trip, and
 need not wait for the peer's HEARTBEAT.
 """
@@ -30,7 +33,7 @@ from msbot_xrce.streams.receiving_in_order import GIVEN_UP, BestEffortInput, Rel
 from msbot_xrce.streams.reordering import ReorderingDetector
 from msbot_xrce.streams.sequence_numbers import NOTHING_YET, StreamState, last_number
 from msbot_xrce.streams.session_output import STREAM_LIMIT, SessionOutput
-from msbot_xrce.streams.settings import Memory, SessionCounters, SessionSettings
+from msbot_xrce.streams.settings import SPARSE_EVERY, SPARSE_QUIET_S, Memory, SessionCounters, SessionSettings
 
 Event = TypeVar("Event")
 
@@ -69,6 +72,7 @@ class Session(ABC, Generic[Event]):
         "_reliable",
         "_sender",
         "_settings",
+        "_sparse",
         "_unquestioned",
         "client_key",
         "counters",
@@ -102,6 +106,7 @@ class Session(ABC, Generic[Event]):
         """When the last packet of the peer came; 0.0 before the first, unless the owner sets it."""
         self.counters = SessionCounters()
         self._settings = settings
+        self._sparse = settings.sparse_acknacks
         self._unquestioned = -1
         """Packets that begin with this octet are taken without asking `_refusal`."""
         self._memory = Memory(settings.max_message, memory)
@@ -173,6 +178,13 @@ class Session(ABC, Generic[Event]):
     def is_delivered(self) -> bool:
         """Whether the peer has acknowledged everything that was booked on reliable streams."""
         return self._sender.is_delivered
+
+    def ask_for_delivery(self, now: float) -> bool:
+        """Where ACKNACKs are sparse, ask at once what the peer has of all that was sent; True: something is booked.
+
+        A message is asked for once, however often this is called.
+        """
+        return self._sender.ask_for_delivery(now)
 
     @property
     def has_taken_in_order(self) -> bool:
@@ -302,6 +314,10 @@ class Session(ABC, Generic[Event]):
             and now >= self._sender.round_trip.lossy_until
             and (overtaking is None or now >= overtaking.until)
         ):
+            if self._sparse:
+                if (number + 1) % SPARSE_EVERY and now - stream.acked_at < SPARSE_QUIET_S:
+                    return
+                stream.acked_at = now
             self._sender.owed[stream_id] = stream
         else:
             self._owe_acknack(stream, stream_id)

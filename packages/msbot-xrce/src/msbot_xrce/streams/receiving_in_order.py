@@ -106,6 +106,7 @@ class ReliableInput:
         "_moves",
         "_reported_at",
         "_window",
+        "acked_at",
         "announced",
         "joiner",
         "last_handled",
@@ -125,6 +126,8 @@ class ReliableInput:
         self.announced = NOTHING_YET
         """The newest number known to exist; nothing is missing while it equals the last one handled."""
         self.last_handled = NOTHING_YET
+        self.acked_at = _NEVER_YET
+        """When an ACKNACK was last due, with sparse ones."""
         self.joiner = FragmentJoiner(memory, counters)
         self.unripe = ALL_RIPE
         """Missing numbers that are not reported yet, since they may only be late."""

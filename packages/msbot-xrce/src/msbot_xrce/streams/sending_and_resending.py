@@ -28,7 +28,7 @@ from msbot_xrce.messages.message import Fragment, Heartbeat
 from msbot_xrce.messages.submessage import HEADER_SIZE, Envelope, append_submessage
 from msbot_xrce.streams.round_trip import RoundTrip
 from msbot_xrce.streams.sequence_numbers import StreamState, last_number
-from msbot_xrce.streams.settings import Memory, SessionCounters
+from msbot_xrce.streams.settings import SPARSE_EVERY, SPARSE_HEARTBEAT_S, Memory, SessionCounters
 from msbot_xrce.streams.waiting_messages import DATA, OBJECT_AT, PACKED_MAX, PADDING, REQUESTER, STATUS, Outbox
 
 LONELY, LONELY_STEP, RAREST = 25, 8, 4
@@ -52,6 +52,7 @@ class ReliableOutput:
     """A stream with acknowledgement, a window and retransmission."""
 
     __slots__ = (
+        "_asked_before",
         "_capacity",
         "_counters",
         "_cut_at",
@@ -59,6 +60,7 @@ class ReliableOutput:
         "_first",
         "_has_lost",
         "_heartbeat_sent_at",
+        "_is_sparse",
         "_is_stock",
         "_newest",
         "_next",
@@ -95,9 +97,10 @@ class ReliableOutput:
         pool: Memory,
         packs: bool = False,
         is_stock: bool = False,
+        is_sparse: bool = False,
     ) -> None:
         """`packs`: a submessage joins the message before it while that still waits; `is_stock`: as a stock client can
-        read it.
+        read it; `is_sparse`: see `SessionSettings.sparse_acknacks`.
 
         `pool` counts the octets that all sessions of an agent keep until they are acknowledged.
 
@@ -115,6 +118,7 @@ class ReliableOutput:
         self._outbox = outbox
         self._packed_max = min(envelope.mtu - SLOT_HEAD, PACKED_MAX) if packs else 0
         self._is_stock = is_stock
+        self._is_sparse = is_sparse
         self._newest: bytes | None = None  # the message that others may join
         self._status_nr: int | None = None  # the latest message with a STATUS for a stock client
         self._has_lost = False  # whether the client has ever lacked a message
@@ -134,6 +138,7 @@ class ReliableOutput:
         self.moved = False
         """Whether `link_drained` has something to do."""
         self._heartbeat_sent_at = _NEVER_YET
+        self._asked_before: int | None = None  # HEARTBEATs have asked for all messages before this one
         self._timed: int | None = None
         self._timed_at = 0.0
 
@@ -161,6 +166,11 @@ class ReliableOutput:
     def unacked(self) -> int:
         """How many messages are on their way or missing."""
         return len(self._unacked)
+
+    @property
+    def has_asked(self) -> bool:
+        """Whether a HEARTBEAT has named the newest message."""
+        return self._asked_before == self._next
 
     @property
     def state(self) -> StreamState:
@@ -279,18 +289,21 @@ class ReliableOutput:
             self.heartbeat_at = None
             return
         # Messages that follow do not put it off: a peer that lacks one for long must be asked while they flow.
+        if self._is_sparse and heartbeat_s < SPARSE_HEARTBEAT_S and not self._has_lost:
+            heartbeat_s = SPARSE_HEARTBEAT_S
         if self._unanswered > LONELY:
             heartbeat_s *= 1 << min((self._unanswered - LONELY) // LONELY_STEP, RAREST)
         due = now + self._round_trip.patience_s(now, heartbeat_s, heartbeat_min_s, self._unanswered)
         if self.heartbeat_at is None or due < self.heartbeat_at:
             self.heartbeat_at = due
-        if self._timed is None:
+        if self._timed is None and not (self._is_sparse and self._next % SPARSE_EVERY):
             self._timed = (self._next - 1) & 0xFFFF
             self._timed_at = now
 
     def heartbeat(self, now: float) -> Heartbeat:
         """The HEARTBEAT to be sent now; it names the first and the last unacknowledged message."""
         self._heartbeat_sent_at = now
+        self._asked_before = self._next
         self._unanswered += 1
         self.heartbeat_at = None
         self.moved = True

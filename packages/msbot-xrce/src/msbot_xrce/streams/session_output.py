@@ -197,6 +197,7 @@ class SessionOutput:
                 pool=self._pool,
                 packs=self._settings.packs,
                 is_stock=self._settings.peer_is_stock,
+                is_sparse=self._settings.sparse_acknacks,
             )
             self.reliables[stream_id] = stream
         return stream
@@ -305,8 +306,21 @@ class SessionOutput:
             return
         for stream in self.reliables.values():
             if stream.heartbeat_at is not None and now >= stream.heartbeat_at:
-                self.outbox.put(self._answer_header + stream.heartbeat(now).encode())
-                self._counters.heartbeats_out += 1
+                self._ask(stream, now)
+
+    def _ask(self, stream: ReliableOutput, now: float) -> None:
+        self.outbox.put(self._answer_header + stream.heartbeat(now).encode())
+        self._counters.heartbeats_out += 1
+
+    def ask_for_delivery(self, now: float) -> bool:
+        """See `Session.ask_for_delivery`."""
+        asked = False
+        if self._settings.sparse_acknacks and self.is_idle:
+            for stream in self.reliables.values():
+                if stream.unacked and not stream.has_asked:
+                    self._ask(stream, now)
+                    asked = True
+        return asked
 
     def reset(self, envelope: Envelope | None = None) -> list[int]:
         """Start all streams over and forget what waits; returns the streams that had refused something."""

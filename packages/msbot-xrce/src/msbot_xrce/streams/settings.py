@@ -7,6 +7,14 @@ from dataclasses import field
 from msbot_xrce.counting import Tally
 from msbot_xrce.lazy import dataclass
 
+SPARSE_EVERY = 4
+"""With sparse ACKNACKs (`SessionSettings.sparse_acknacks`), each message whose successor's number is a multiple of this
+is acknowledged at once; a quarter of the usual window."""
+SPARSE_QUIET_S = 0.45
+"""Likewise every message that comes so long after the last ACKNACK: those of slow streams."""
+SPARSE_HEARTBEAT_S = 0.5
+"""Shortest silence after which a HEARTBEAT asks for the rest."""
+
 
 @dataclass(frozen=True, slots=True)
 class SessionSettings:
@@ -35,6 +43,10 @@ class SessionSettings:
     `msbot_xrce.streams.waiting_messages`."""
     may_reorder: bool = False
     """Whether packets may overtake each other on the way; a stock client is then spared what would harm it."""
+
+    sparse_acknacks: bool = False
+    """Whether one ACKNACK speaks for several messages, where the link loses nothing and both ends are MsBOT's. The
+    messages to acknowledge at once follow from their numbers, so the sender knows which round trips it can measure."""
 
     @property
     def watches_order(self) -> bool:

@@ -18,7 +18,7 @@ from msbot.operations.placement import Placement
 from msbot.operations.running_robot import RunningRobot, slot_of
 from msbot.pnp import PartInfo, PartState
 from msbot.sim import SimulatedPart, make_simulator
-from msbot_agent.link import InprocEnd, InprocHub, LinkInfo
+from msbot_agent.link import InprocEnd, InprocHub
 from msbot_agent.text.sentence import said
 from msbot_xrce.errors import ConfigError, MsbotError
 from msbot_xrce.lazy import dataclass
@@ -162,9 +162,8 @@ class StandIns:
 
     def _start(self, stand_in: _SimulatedReplacement, slot: str) -> None:
         if self._hub is None:
-            self._hub = InprocHub()
             # Not the name of the link of the robot's own services, which may do everything.
-            self._hub.server.info = LinkInfo("simulated here", self._hub.server.info.mtu)
+            self._hub = InprocHub("simulated here")
             self._running.master.add_link(self._hub.server)
         unit = make_simulator(stand_in.number, uid=stand_in.uid, local_name=slot, library=stand_in.library)
         stand_in.unit = unit

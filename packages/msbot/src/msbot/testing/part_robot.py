@@ -33,7 +33,7 @@ from msbot.process.virtual_time import VirtualTimeLoop
 from msbot.sim.model_part import message_class
 from msbot.testing.own_messages import ProgramMessages, as_message
 from msbot.testing.service_stand_ins import Answer, ServiceStandIns
-from msbot_agent.link import InprocHub, LinkInfo, LossyLink
+from msbot_agent.link import InprocHub, LossyLink
 from msbot_agent.space import Deliver, Qos, Sample, Topic
 from msbot_agent.text.similar_names import did_you_mean, nearest
 from msbot_xrce.errors import CallError, ConfigError, MsbotError
@@ -78,7 +78,7 @@ class PartRobot:
         self._parameters = [] if part_type is None else [declared.name for declared in part_type.parameters]
         self._handler = _Lines()
         self._runner = asyncio.Runner(loop_factory=VirtualTimeLoop)
-        self._hub = InprocHub()
+        self._hub = InprocHub("wire")
         self._running: asyncio.Task[None] | None = None
         self._partner_running: asyncio.Task[None] | None = None
         self._is_closed = False
@@ -118,7 +118,6 @@ class PartRobot:
         )
         blueprint = Blueprint(profile, slots, timing=PRESETS["thesis"])
         self._master = Master(blueprint, self._store, random=Random(1), epoch_ns=lambda: 0, stop_group="")
-        self._hub.server.info = LinkInfo("wire", 65535)
         self._master.add_link(self._hub.server)
         self._serving = asyncio.create_task(self._master.run())
         await self._master.ready.wait()

@@ -52,7 +52,9 @@ class WebSocketClientLink(BaseLink):
     def __init__(self, address: str, token: str) -> None:
         parts = urlsplit(address)
         self._url = address if parts.path not in ("", "/") else f"{parts.scheme}://{parts.netloc}{PART_PATH}"
-        super().__init__(LinkInfo(f"{parts.scheme}://{parts.netloc}", MAX_PACKET), remote=parts.netloc)
+        super().__init__(
+            LinkInfo(f"{parts.scheme}://{parts.netloc}", MAX_PACKET, sparse_acknacks=True), remote=parts.netloc
+        )
         self._token = token
         self._waiting: deque[bytes] = deque()
         self._octets = 0

@@ -136,7 +136,7 @@ class WebSocketServerLink(BaseLink):
     """
 
     def __init__(self, name: str) -> None:
-        super().__init__(LinkInfo(name, MAX_PACKET))
+        super().__init__(LinkInfo(name, MAX_PACKET, sparse_acknacks=True))
         self._peers: set[SocketPeer] = set()
         self._is_open = False
 

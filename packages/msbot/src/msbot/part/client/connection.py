@@ -322,6 +322,7 @@ class Connection:
                 heartbeat_s=settings.heartbeat_s,
                 heartbeat_min_s=settings.heartbeat_min_s,
                 ids_by_rule=self.link.info.compresses,
+                sparse_acknacks=self.link.info.sparse_acknacks,
                 login_properties=_properties(settings) or None,
             ),
             epoch_ns=self._epoch_ns,
@@ -448,6 +449,8 @@ class Connection:
         self._take_events(now)
         more_at = self._before_sending(now) if self.is_open else None
         self._send(now)
+        if self._goodbye_at is not None and self.session.ask_for_delivery(now):
+            self._send(now)
         self._turn.set_timer(
             self.session.timer(),
             more_at,
