@@ -31,15 +31,21 @@ async def dronecan_servo(plug: Plug) -> AsyncIterator[tuple[Mend, Mend]]:
     servo = SimulatedServo(plug.bridge.link)
     obeys = servo._ordered
 
-    async def stick() -> None:
-        servo._ordered = lambda event: obeys(event) if is_mended else None  # type: ignore[method-assign]
+    def hear(event: Any) -> None:
+        orders.extend(one.command_value for one in event.message.commands)
+        if is_mended:
+            obeys(event)
+
+    async def stick() -> None:  # it has not obeyed from the beginning on
+        while not any(orders):  # noqa: ASYNC110 - it lives in a thread; what was never driven need not stop
+            await asyncio.sleep(0.01)
 
     async def mend() -> None:
         is_mended.append(True)
 
-    is_mended = list[bool]()
+    is_mended, orders = list[bool](), list[float]()
     servo.position = servo._target = 1.0
-    await stick()
+    servo._ordered = hear  # type: ignore[method-assign]
     async with in_thread(servo.run_in_thread, servo.end):
         yield stick, mend
 
@@ -49,7 +55,7 @@ async def canopen_drive(plug: Plug) -> AsyncIterator[tuple[Mend, Mend]]:
     drive = SimulatedDrive(plug.bridge.link)
 
     async def stick() -> None:
-        while abs(drive.rpm) < 1:  # noqa: ASYNC110 - it lives in a thread; what stands cannot fail to stop
+        while abs(drive.rpm - 30) > 1:  # noqa: ASYNC110 - it lives in a thread; what creeps counts as standing
             await asyncio.sleep(0.01)
         drive.is_stuck = True
 
@@ -89,6 +95,7 @@ async def jacdac_servo(plug: Plug) -> AsyncIterator[tuple[Mend, Mend]]:
     handle = "packet => packet.isRegisterSet && packet.registerIdentifier == register.identifier ? true : own(packet)"
 
     async def stick() -> None:  # it does not take the order
+        await plug.until(f"{enabled}.values()[0]", 1.0)
         await plug._page.evaluate(
             f"() => {{ const register = {enabled}, own = register.handlePacket.bind(register); "
             f"register.handlePacket = async {handle}; }}"
@@ -127,7 +134,6 @@ async def test_a_device_that_does_not_stop_is_named_and_the_log_says_why(
                 await robot.until(lambda: not robot.is_in(number, PartState.ACTIVE))
                 await robot.until(lambda: robot.is_in(number, PartState.ACTIVE))
             await drive_it(robot, port, "30")
-            await asyncio.sleep(1.0)
             await stick()
             await robot.do("stop", who="ann", reason="")
             lines: list[str] = []

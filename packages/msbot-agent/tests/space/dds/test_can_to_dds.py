@@ -50,6 +50,7 @@ async def test_a_client_on_can_publishes_and_a_dds_peer_in_another_process_recei
             await client.until_all_statuses(30)
             await until(lambda: client.has_room() and (client.write(writer, message(1)), reader.heard)[1])
             for number in (2, 3):
+                await until(client.has_room)
                 client.write(writer, message(number))
             await until(lambda: len(reader.heard) == 3)
         assert set(reader.heard) <= {f"got {number} hello {number}" for number in (1, 2, 3)}
@@ -121,7 +122,9 @@ async def test_the_quality_that_a_client_asks_for_in_xml_is_that_of_its_writer_i
             elsewhere.reader(where, offered, kept)
             await until(lambda: len(kept.samples) == 3)
             assert kept.payloads == [bytes([number] * 4) for number in (3, 4, 5)]
-            found = [reader.troubles() for reader in (impatient, stranger, sharing)]
+            others = (impatient, stranger, sharing)
+            await until(lambda: all(reader.troubles() for reader in others))  # each finds the writer when it does
+            found = [reader.troubles() for reader in others]
             assert [[trouble.split(": ")[1] for trouble in troubles] for troubles in found] == [
                 ["DEADLINE"],
                 ["PARTITION"],

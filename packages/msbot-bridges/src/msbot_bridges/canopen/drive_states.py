@@ -104,7 +104,7 @@ def controlword(state: DriveState, *, wants_power: bool, is_stopping: bool) -> i
         is_stopping: it is to stop as quickly as it can.
     """
     if is_stopping:
-        return DISABLE_VOLTAGE if state in POWERLESS else QUICK_STOP
+        return QUICK_STOP  # a drive without power stays so; one enabled since its report would roll on without voltage
     if not wants_power:
         return DISABLE_VOLTAGE if state in POWERLESS else SHUTDOWN
     return _TOWARDS_ENABLED[state]
