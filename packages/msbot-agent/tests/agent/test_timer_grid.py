@@ -11,7 +11,7 @@ from asyncio import selector_events
 import pytest
 
 from msbot_agent.process.end_signals import run_to_end
-from msbot_agent.process.timer_grid import EARLY_S, MOST_READ, STEPS, TimerGridLoop, finest_step, first_time, on_grid
+from msbot_agent.process.timer_grid import EARLY_S, MOST_READ, STEPS, TimerGridLoop, first_time, on_grid, rounds_timers
 
 FAR_S, NEAR_S = STEPS[0][1], STEPS[-1][1]
 
@@ -29,8 +29,9 @@ def test_no_timer_comes_early_and_none_later_than_a_step() -> None:
 
 
 def test_a_point_of_the_grid_stays_where_it_is() -> None:
-    for number in range(1, 100_000, 997):
-        assert on_grid(0.1, number * FAR_S) == pytest.approx(number * FAR_S, abs=1e-9)
+    for delay in (0.1, 60.0):
+        for number in range(1, 100_000, 997):
+            assert on_grid(delay, number * FAR_S) == pytest.approx(number * FAR_S, abs=1e-9)
 
 
 def test_who_sleeps_in_a_circle_keeps_the_period() -> None:
@@ -45,7 +46,7 @@ def test_who_sleeps_in_a_circle_keeps_the_period() -> None:
 def test_the_loop_rounds_its_timers_and_begins_circles_on_the_grid() -> None:
     async def main() -> None:
         loop = asyncio.get_running_loop()
-        assert finest_step(loop) == NEAR_S
+        assert rounds_timers(loop)
         now = loop.time()
         exact, far = loop.call_at(now + NEAR_S, print), loop.call_at(now + 1.0, print)
         assert 0.0 <= far.when() - (now + 1.0) <= FAR_S
@@ -87,6 +88,7 @@ def test_any_other_loop_begins_circles_at_once() -> None:
     async def main() -> None:
         loop = asyncio.get_running_loop()
         before = loop.time()
+        assert not rounds_timers(loop)
         assert before <= first_time(loop) <= loop.time()
 
     run_to_end(main())

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import asyncio
 import weakref
+from typing import cast
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from msbot_agent.agent.flushing import MOST_STALE, TimerHeap
+from msbot.process.virtual_time import run_virtual
+from msbot_agent.agent.flushing import MOST_STALE, Flusher, TimerHeap
+from msbot_agent.agent.proxy import Proxy
+from msbot_agent.agent.statistics import Transit
 from tests.effort import tries
 
 
@@ -118,3 +124,39 @@ def test_a_forgotten_owner_is_not_kept_alive() -> None:
     heap.forget(client)
     del client
     assert gone() is None
+
+
+class Waiting:
+    """A client as the flusher sees it; its session may have something to do at some time."""
+
+    is_over, place = False, None
+
+    def __init__(self, due_at: float | None) -> None:
+        self.due_at = due_at
+        self.handled: list[float] = []
+
+    def timer(self) -> float | None:
+        return self.due_at
+
+    def handle_timer(self, now: float) -> None:
+        self.handled.append(now)
+        self.due_at = None
+
+
+def test_a_check_that_comes_a_little_early_drops_what_is_done_and_does_nothing_before_its_time() -> None:
+    async def main() -> None:
+        loop = asyncio.get_running_loop()
+        flusher = Flusher(loop.time, lambda *_: None, transit=Transit(loop.time))
+        done, due = Waiting(0.2), Waiting(0.2)
+        for client in (done, due):
+            flusher._serve(cast("Proxy", client), loop.time())
+        done.due_at = None  # everything has been acknowledged
+        await asyncio.sleep(0.195)
+        flusher._ring(0.2)
+        assert (done.handled, due.handled) == ([], [])
+        assert len(flusher._timers) == 1
+        await asyncio.sleep(0.1)
+        assert done.handled == []
+        assert due.handled == pytest.approx([0.2])
+
+    run_virtual(main())

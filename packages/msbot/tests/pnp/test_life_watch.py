@@ -72,12 +72,12 @@ class Model:
         rule = f"a beat every {self.timing.beat_s:g} s, late after {self.timing.beat_s * 1.5:g} s"
         self.change(now, key, "late", silence, (rule, silence))
 
-    def called(self, now: float) -> None:
+    def called(self, now: float, late_s: float) -> None:
         there = [(key, part) for key, part in self.parts.items() if part.state != "lost"]
         if now >= self.next_watch:
             is_in_time = now - self.next_watch <= self.timing.beat_s / 2
-            self.behind = max(now - self.next_watch - 0.05 if is_in_time else 0.0, self.behind / 2)
-            self.next_watch = now + self.timing.beat_s / 2
+            self.behind = max(late_s if is_in_time else 0.0, self.behind / 2)
+            self.next_watch = (self.next_watch if is_in_time else now) + self.timing.beat_s / 2
             for key, part in there if is_in_time else ():
                 self.look_at(now, key)
                 away = now - part.last
@@ -151,8 +151,9 @@ def test_what_becomes_of_parts_is_what_the_rules_say_of_each_at_every_call(seed:
         if random.random() < 0.002:
             held_up_until = random.choice((now + 2 * timing.tick_s, now + 1.0, model.next_tick + timing.tick_s))
         if now >= max(held_up_until, min(model.next_watch, model.next_tick)):
-            model.called(now)
-            rig.inventory.watch.handle_timer(now)
+            late_s = max(0.0, now - min(model.next_watch, model.next_tick) - 0.05)
+            model.called(now, late_s)
+            rig.inventory.watch.handle_timer(now, late_s)
         assert rig.inventory.watch.timer() == min(model.next_watch, model.next_tick)
     heard = [(one.at, one.client_key, one.to_state.value, one.reason, one.evidence) for one in rig.events]
     assert heard == model.said
@@ -183,11 +184,11 @@ def test_a_busy_master_gives_parts_the_time_that_their_beats_wait_for_it() -> No
     late_s = 0.2  # each turn of the loop takes so long
     while rig.now < START + 2.1:  # a quiet one would be late after 1.5 s
         rig.now = watch.timer() + late_s
-        watch.handle_timer(rig.now)
+        watch.handle_timer(rig.now, late_s)
         assert rig.state(1) is PartState.ACTIVE
     while rig.now < START + 20.0:
         rig.now = watch.timer() + late_s
-        watch.handle_timer(rig.now)
+        watch.handle_timer(rig.now, late_s)
     assert rig.state(1) is PartState.LOST, "one that says nothing any more is"
 
 

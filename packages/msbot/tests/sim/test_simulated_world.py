@@ -25,6 +25,7 @@ from msbot.config import (
 from msbot.sim.part_model import MOST_STEPS, MOST_WAITING, STEP_S, PartModel, fit
 
 TYPES = standard_message_types()
+LONGEST_S = MOST_STEPS * STEP_S
 LEVEL, SWITCH, HELLO = TYPES["Level"], TYPES["Switch"], TYPES["HelloWorld"]
 KNOB = Control("knob", ControlKind.NUMBER, 10.0)
 PRESS = Control("press", ControlKind.BOOL, False)
@@ -212,22 +213,61 @@ def test_what_an_output_does_not_depend_on_keeps_no_part_awake() -> None:
     assert said(found, 1.0) == [True]
 
 
-def test_what_moves_keeps_its_part_awake_until_it_is_there() -> None:
+@pytest.mark.parametrize(
+    ("behind", "rest_s"),
+    [((), float("inf")), ((Reading("behind", follows="opening", lag_s=1.0),), LONGEST_S)],
+)
+def test_what_moves_keeps_its_part_awake_until_it_is_there(behind: tuple[Reading, ...], rest_s: float) -> None:
     opening = Reading("opening", follows="in.percent", start=0.0, slew_per_s=10.0)
     far = Reading("far", follows="opening", above=4.5)
     found = world(
         Output("far", {"on": "far"}, on_change=True),
         ports=(Port("far", Direction.PUBLISH, "Switch", message=SWITCH), IN),
-        readings=(opening, far),
+        readings=(opening, far, *behind),
     )
     found.join(0.0)
     assert said(found, 0.0) == [False]
     assert found.receive("in", {"percent": 5.0}, 0.0)
     assert said(found, 0.25) == []
     assert found.quiet_until(0.25) == 0.25
-    assert found.quiet_until(0.25, lambda port: port != "far") == 0.25 + MOST_STEPS * STEP_S, "nobody hears the port"
+    assert found.quiet_until(0.25, lambda port: port != "far") == 0.25 + rest_s, "nobody hears the port"
     assert said(found, 0.5) == [True]
-    assert found.quiet_until(0.5) == float("inf")
+    assert found.quiet_until(0.5) == 0.5 + rest_s
+
+
+MOVING = {
+    "a lag": (Reading("m", follows="in.percent", start=0.0, lag_s=0.7),),
+    "a slew": (Reading("m", follows="in.percent", start=0.0, slew_per_s=3.0),),
+    "a slew that measures with noise": (Reading("m", follows="in.percent", start=0.0, slew_per_s=3.0, noise=1e-9),),
+    "an integral": (Reading("m", follows="in.percent", integrate=True, least=-50.0, most=12.5),),
+    "an angle": (Reading("m", follows="in.percent", integrate=True, wrap=7.0),),
+    "a lag and a slew": (Reading("m", follows="in.percent", start=0.0, lag_s=0.7, slew_per_s=6.0),),
+    "a lag after a slew": (
+        Reading("s", follows="in.percent", start=0.0, slew_per_s=3.0),
+        Reading("x2", follows="s", scale=2.0),
+        Reading("m", follows="x2", lag_s=0.7),
+    ),
+    "an integral that ends": (Reading("m", follows="in.percent", start=0.0, lasts=0.43, integrate=True),),
+}
+
+
+STEPPED = ("a lag after a slew", "an integral that ends")
+"""Their steps begin with a look, so that a look more moves them by a part of a step."""
+
+
+@pytest.mark.parametrize("name", MOVING)
+def test_what_moves_is_the_same_however_seldom_it_is_looked_at(name: str) -> None:
+    often, seldom = world(readings=MOVING[name]), world(readings=MOVING[name])
+    at, looks = 0.0, (0.1, 0.05, 0.9, 0.7, 2.0)
+    for number, wait in enumerate(looks):
+        for found in (often, seldom):
+            found.receive("in", {"percent": (-1.0) ** number * 10.0}, at)
+        for step in range(1, round(wait / STEP_S) + 1):
+            often.advance(at + step * STEP_S)
+        at += wait
+        seldom.advance(at)
+        often.advance(at)
+        assert seldom.values["m"] == pytest.approx(often.values["m"], abs=0.2 if name in STEPPED else 1e-6), f"at {at}"
 
 
 def test_a_port_that_nobody_hears_keeps_its_part_awake_only_if_its_messages_are_counted() -> None:

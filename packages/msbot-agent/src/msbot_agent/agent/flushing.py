@@ -263,14 +263,16 @@ class Flusher:
             if self._alarm is not None:
                 self._alarm.cancel()
             self._alarm_at = when
-            self._alarm = asyncio.get_running_loop().call_at(when, self._ring)
+            # A little early, if the loop rounds its timers: nearly always everything has been acknowledged by then, and
+            # the check that finds nothing to do needs no turn of its own.
+            self._alarm = asyncio.get_running_loop().call_later(when - self._clock(), self._ring, when)
 
-    def _ring(self) -> None:
+    def _ring(self, at: float) -> None:
         self._alarm, self._alarm_at = None, math.inf
         now = self._clock()
         self.in_burst = True
         try:
-            for proxy in self._timers.pop_due(now):
+            for proxy in [*self._timers.pop_due(max(now, at))]:
                 when = proxy.timer()
                 if when is not None and when <= now:
                     proxy.handle_timer(now)

@@ -15,7 +15,7 @@ from typing import Final, TypeVarTuple
 
 from msbot_agent.process.direct_loop import DirectLoop
 
-STEPS: Final = ((0.08, 0.05), (0.016, 0.01), (0.0, 0.002))
+STEPS: Final = ((0.4, 0.1), (0.08, 0.05), (0.016, 0.01), (0.0, 0.002))
 """A timer at least so far away comes at a multiple of so much, seconds; the longer ones are multiples of the others."""
 EARLY_S: Final = 0.01
 """A pause may end so much too early, or a tenth of it: what sleeps in a circle keeps its period."""
@@ -53,9 +53,9 @@ def first_time(loop: asyncio.AbstractEventLoop) -> float:
     return math.ceil(now / step) * step
 
 
-def finest_step(loop: asyncio.AbstractEventLoop) -> float:
-    """How much too late a near timer may come in this loop, seconds; 0: its timers are exact."""
-    return STEPS[-1][1] if isinstance(loop, TimerGridLoop) else 0.0
+def rounds_timers(loop: asyncio.AbstractEventLoop) -> bool:
+    """Whether timers come in groups in this loop; otherwise they are exact."""
+    return isinstance(loop, TimerGridLoop)
 
 
 class TimerGridLoop(DirectLoop):

@@ -11,9 +11,13 @@ from msbot_agent.link.can import CanMasterLink, CanPartLink, Codec
 from msbot_agent.link.can.protocol import NodeIds
 from msbot_agent.link.can.sim import SimBus, SimBusDriver
 from msbot_agent.link.net import UdpClientLink, UdpServerLink
-from msbot_agent.process.timer_grid import finest_step
+from msbot_agent.process.timer_grid import rounds_timers
 from msbot_xrce import compress, decompress
 from msbot_xrce.lazy import dataclass
+
+AHEAD_S = 0.01
+"""How far the bus may be ahead of the clock of a loop that rounds its timers: what all parts say at one point of its
+grid, and the answers, take some 5 ms."""
 
 
 class DemoLinkKind(Enum):
@@ -51,7 +55,7 @@ class DemoLinks:
             return
         fd = wire is DemoLinkKind.FD
         bus = SimBus(bitrate, data_bitrate=data_bitrate if fd else None, fd=fd)
-        ahead_s = 0.0 if bus_name else finest_step(asyncio.get_running_loop())
+        ahead_s = AHEAD_S if rounds_timers(asyncio.get_running_loop()) and not bus_name else 0.0
         self.driver = SimBusDriver(bus, name=bus_name, ahead_s=ahead_s)
         # A bus needs two nodes before any frame is acknowledged: the monitor does it, as a student's adapter would.
         self.driver.attach("monitor")

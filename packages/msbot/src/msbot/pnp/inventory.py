@@ -486,10 +486,10 @@ class Inventory:
         """When `handle_timer` wants to be called next."""
         return min(self.watch.timer(), self._admission.timer())
 
-    def handle_timer(self, now: float) -> None:
-        """Do what is due: decide contests, mark late parts, count down life status."""
+    def handle_timer(self, now: float, late_s: float = 0.0) -> None:
+        """Do what is due: decide contests, mark late parts, count down life status; the arguments are `LifeWatch`'s."""
         self._admission.handle_timer(now)
-        self.watch.handle_timer(now)
+        self.watch.handle_timer(now, late_s)
         self._publish(now)
 
     # Helpers

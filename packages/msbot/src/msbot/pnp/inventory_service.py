@@ -7,7 +7,6 @@ It uses `msbot.part.Client` over any link; in a master it is the in-process link
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import logging
 from collections import deque
 from collections.abc import Callable
@@ -125,8 +124,8 @@ class InventoryService:
         """Simulated parts that are still to be told of STOP or GO."""
         self._awake_at = 0.0
         """When the inventory's timer is next checked."""
-        self._sooner = asyncio.Event()
-        """Set when the timer is due before that."""
+        self._look = asyncio.Event()
+        """Set when the timer is due: at that time, or before."""
         self._asking: int | None = None
         """The client whose request is being answered: the answer itself tells it what has changed."""
         self._inventory = inventory
@@ -161,13 +160,17 @@ class InventoryService:
     async def _keep_time(self) -> None:
         loop = asyncio.get_running_loop()
         while True:
-            self._sooner.clear()
+            self._look.clear()
             self._awake_at = self._inventory.timer()
-            with contextlib.suppress(TimeoutError):
-                async with asyncio.timeout_at(self._awake_at):
-                    await self._sooner.wait()
-            if loop.time() >= self._inventory.timer():
-                self._inventory.handle_timer(loop.time())
+            alarm = loop.call_at(self._awake_at, self._look.set)
+            try:
+                await self._look.wait()
+            finally:
+                alarm.cancel()
+            now = loop.time()
+            if now >= self._inventory.timer():
+                # A loop that rounds its timers has not called too late by that.
+                self._inventory.handle_timer(now, max(0.0, now - alarm.when()))
 
     def stop_all(self, by: str, reason: str, at_ns: int, *, tell: bool = True, place: str = "") -> bool:
         """Say STOP to all parts, and to those that join before `go_all`.
@@ -228,7 +231,7 @@ class InventoryService:
         else:
             self._answer(client_key, identity, body, now)
         if self._inventory.timer() < self._awake_at:
-            self._sooner.set()
+            self._look.set()
 
     def _answer_in_compat(self, client_key: int, identity: bytes, body: bytes, now: float) -> None:
         self._asking = client_key

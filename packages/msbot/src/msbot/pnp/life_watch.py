@@ -18,8 +18,6 @@ from msbot_agent.text.sentence import said
 
 STANDBY_SILENCE_S = 6.0
 """A standby part that has not claimed for this long, or for the longest detection time, is gone."""
-GRID_S = 0.05
-"""So late this process may be called without being busy: timers come in groups."""
 TURNS = 6.0
 """A beat has to wait so many times for a busy process: to be read, to be passed on, to be answered, to be sent."""
 
@@ -62,18 +60,22 @@ class LifeWatch:
         """When `handle_timer` wants to be called next."""
         return min(self._tick_at, self._watch_at)
 
-    def handle_timer(self, now: float) -> None:
+    def handle_timer(self, now: float, late_s: float = 0.0) -> None:
         """Do what is due: mark late parts, count down life status.
 
         When this process was held up, nobody is looked for at once, and only one tick is made up for: the beats of that
         time are waiting in some queue, and no part may be late, or delisted, for our own delay. While this process has
         more work than time, parts are given as much more time as their beats may have to wait here.
+
+        Args:
+            now: the time.
+            late_s: how much later this is called than the loop was to call it, seconds.
         """
         if now >= self._watch_at:
             half = self.timing.beat_s / 2
             was_held_up = now - self._watch_at > half
-            self._late_s = max(0.0 if was_held_up else now - self._watch_at - GRID_S, self._late_s / 2)
-            self._watch_at = now + half
+            self._late_s = max(0.0 if was_held_up else late_s, self._late_s / 2)
+            self._watch_at = now + half if was_held_up else self._watch_at + half
             if not was_held_up:
                 self._watch(now)
         if now >= self._tick_at:

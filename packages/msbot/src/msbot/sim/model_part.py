@@ -47,6 +47,7 @@ from msbot.part.messages.wire_types import (
 )
 from msbot.part.program import Every
 from msbot.sim.part_model import PartModel
+from msbot_agent.process.timer_grid import first_time
 
 # Message classes for the types that a library declares: the standard ones, or generated.
 
@@ -217,7 +218,8 @@ class ModelPart:
 
     def _begin(self) -> None:
         self._take_settings()
-        self._world.join(self._time())
+        # With the part's clock, so that the parts of one process speak in the same turns of its loop.
+        self._world.join(self._time(), first_time(asyncio.get_running_loop()))
 
     def _be_safe(self) -> None:
         """Nobody is in command: apply the safe values of the robot's configuration, otherwise the library's.

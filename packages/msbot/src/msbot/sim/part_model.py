@@ -65,6 +65,8 @@ class PartModel:
         readings = [replace(reading, noise=0.0, lag_s=0.0) if ideal else reading for reading in simulator.readings]
         self._gauges = [SimulatedReading(reading, random) for reading in readings]
         self._moves = any(gauge.moves for gauge in self._gauges)
+        self._needs_steps = self._is_coarse_in_one_step()
+        """What moves must be computed in short steps."""
         self._is_restless = any(gauge.is_restless for gauge in self._gauges)
         """Something changes for ever by itself."""
         self._is_moving = self._is_under_way = True
@@ -90,7 +92,9 @@ class PartModel:
             return
         passed_s = max(0.0, now - self._now)
         moves = self._is_moving or (self._moves and self._is_changed)
-        steps = min(MOST_STEPS, math.ceil(passed_s / STEP_S)) if moves else 1
+        steps = 1
+        if moves:
+            steps = min(MOST_STEPS if self._needs_steps else 1, math.ceil(passed_s / STEP_S))
         for step in range(1, steps + 1):
             self._evaluate(self._now + passed_s * step / steps, passed_s / steps, final=step == steps)
         if steps == 0:
@@ -165,11 +169,16 @@ class PartModel:
         """Every source by its name."""
         return self._values
 
-    def join(self, now: float) -> None:
-        """Begin to publish: every output is due."""
+    def join(self, now: float, due_at: float | None = None) -> None:
+        """Begin to publish.
+
+        Args:
+            now: the time.
+            due_at: when every output is due, and from when its periods count; `now` if absent.
+        """
         self.advance(now)
         for mouth in self._mouths:
-            mouth.begin(now)
+            mouth.begin(now if due_at is None else due_at)
 
     def note_changes(self) -> None:
         """Note what has changed and must be published, even if it changes back before that can happen."""
@@ -203,7 +212,28 @@ class PartModel:
             return now
         at = min((mouth.next_at(self._values) for mouth in heard), default=math.inf)
         # What moves is computed in steps of limited number: a longer rest would make them coarser.
-        return min(at, now + MOST_STEPS * STEP_S) if self._is_moving else at
+        return min(at, now + MOST_STEPS * STEP_S) if self._is_moving and self._needs_steps else at
+
+    def _is_coarse_in_one_step(self) -> bool:
+        """Whether something moves after what changes by itself meanwhile.
+
+        After a source that stays as it is, one step of any length comes to the same as many short ones: a lag's steps
+        multiply, a slew's and an integral's add up. That is not so with a lag and a slew in one reading.
+        """
+        by_name = {gauge.reading.name: gauge for gauge in self._gauges}
+        for gauge in self._gauges:
+            if not gauge.moves:
+                continue
+            if gauge.changes_by_itself or (gauge.reading.lag_s and gauge.reading.slew_per_s):
+                return True
+            sources, seen = gauge.sources(), set[str]()
+            while sources:
+                seen |= sources
+                found = [by_name[name] for name in sources if name in by_name]
+                if any(one.moves or one.is_restless or one.changes_by_itself for one in found):
+                    return True
+                sources = set().union(*(one.sources() for one in found)) - seen
+        return False
 
     def _evaluate(self, now: float, step_s: float, *, final: bool) -> None:
         values, measured, came_at = self._values, self._measured, self._came_at
@@ -255,10 +285,10 @@ class _OutputState:
         plain = {source for source in output.scalars() if isinstance(source, str)}
         return plain | self._conditions() | {word for word in (output.every, output.change) if isinstance(word, str)}
 
-    def begin(self, now: float) -> None:
-        """Publish at the next opportunity."""
+    def begin(self, due_at: float) -> None:
+        """Publish at that time, or at the next opportunity after it."""
         self._said = None
-        self._next_at = now
+        self._next_at = due_at
         self._waiting.clear()
 
     def look(self, values: Mapping[str, Scalar]) -> bool:

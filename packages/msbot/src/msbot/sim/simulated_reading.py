@@ -48,6 +48,8 @@ class SimulatedReading:
         """Whether its value depends on the time between two updates."""
         self.is_restless = bool(reading.noise) or reading.random_every is not None
         """Whether it changes for ever by itself."""
+        self.changes_by_itself = bool(reading.lasts)
+        """Its source changes without a message: when the last one expires."""
         self.is_under_way = self.moves
         """It will change without a change of its sources: it has not followed them yet, or its message expires."""
         self.port = reading.follows.partition(".")[0].removeprefix("#")

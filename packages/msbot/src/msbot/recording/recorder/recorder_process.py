@@ -20,6 +20,7 @@ from typing import Any, Final
 from msbot.recording.recorder.batch import OWN_TOPICS
 from msbot.recording.recorder.recorder import Recorder
 from msbot.recording.recorder.recording_file import RingLimits
+from msbot_agent.process.timer_grid import first_time
 from msbot_xrce.lazy import dataclass
 
 DRAIN_S: Final = 0.2
@@ -262,6 +263,8 @@ async def run_recorder(process: RecorderProcess) -> None:
     starting = asyncio.get_running_loop().run_in_executor(None, process.start)
     try:
         await asyncio.shield(starting)
+        loop = asyncio.get_running_loop()
+        await asyncio.sleep(first_time(loop) - loop.time())  # from here on in turns that come anyway
         while True:
             await asyncio.sleep(DRAIN_S)
             process.hand_over()

@@ -4,8 +4,8 @@ Theory of operation. One timer waits for the bus' next event. When it fires, eve
 each with its own logical time: a node that answers inside its handler answers at that logical time, so a timer that
 fires 2 ms late delays no node on the bus. A frame submitted outside a handler carries the time of the clock.
 
-A bus all of whose nodes are in this process may run ahead of the clock by a step of the loop's timers: a message, its
-answer and the acknowledgement are then one stretch of work, not one after each sleep of the process.
+A bus all of whose nodes are in this process may run a little ahead of the clock: a message, its answer and the
+acknowledgement are then one stretch of work, not one after each sleep of the process.
 """
 
 from __future__ import annotations
@@ -54,6 +54,8 @@ class SimBusDriver:
         self._by_name: dict[str, SimCanBus] = {}
         self._timer: asyncio.Handle | None = None
         self._timer_at: float | None = None
+        self._is_booked = False
+        """Whether the timer is due in the next turn of the loop."""
         self._logical: float | None = None
         self._ears: dict[int, list[SimCanBus]] = {}
         """Who takes data frames of an 11-bit identifier, in the order in which they were attached."""
@@ -153,7 +155,7 @@ class SimBusDriver:
 
     def arm(self) -> None:
         """Set the timer to the bus' next event; to be called after anything that may have changed it."""
-        if self._logical is not None:
+        if self._logical is not None or self._is_booked:
             return  # it is set once everything due has happened
         at = self.bus.next_event_at()
         if at == self._timer_at:
@@ -165,6 +167,7 @@ class SimBusDriver:
             return
         loop = asyncio.get_running_loop()
         if self._ahead_s and at <= loop.time() + self._ahead_s:
+            self._is_booked = True
             self._timer = loop.call_soon(self._wake, at)
         else:
             self._timer = loop.call_at(at, self._wake, at)
@@ -193,7 +196,7 @@ class SimBusDriver:
 
     def _wake(self, at: float) -> None:
         due = max(asyncio.get_running_loop().time() + self._ahead_s, at)
-        self._timer = self._timer_at = None
+        self._timer, self._timer_at, self._is_booked = None, None, False
         bus = self.bus
         turns = EVENTS_PER_TURN
         try:

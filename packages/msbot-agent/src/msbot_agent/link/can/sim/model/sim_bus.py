@@ -1,9 +1,9 @@
 """A CAN bus in memory, exact to the bit: arbitration, frame times, acknowledgement, errors, and faults on demand.
 
-Theory of operation. The bus knows no clock. `submit` puts a frame into a node's controller at a given time. Whenever
-the bus can be free, the next attempt is calculated to its end (`arbitration.py`), and `next_event_at` says when its
-effects become visible. `advance` makes them happen. Nodes that become ready within the first bit of an attempt still
-take part in its arbitration: the attempt is recalculated. A failed attempt leaves the frame in the controller, so it is
+Theory of operation. The bus knows no clock. `submit` puts a frame into a node's controller at a given time. When it is
+asked for, the next attempt is calculated to its end (`arbitration.py`), and `next_event_at` says when its effects
+become visible. `advance` makes them happen. Nodes that become ready within the first bit of an attempt still take part
+in its arbitration: the attempt is calculated anew. A failed attempt leaves the frame in the controller, so it is
 repeated, as every CAN controller does. Of the frames in a controller, the one with the lowest identifier is tried
 first, and of equal ones the oldest (as in bxCAN and M_CAN), so STOP need not wait for frames handed over before it.
 """
@@ -98,6 +98,9 @@ class SimBus:
         self._free_at = float("-inf")
         self._recessive_from = float("-inf")
         self._attempt: Attempt | None = None
+        self._is_unplanned = False
+        """The next attempt is still to be calculated, from the frames that wait then: those that come too late for its
+        first bit change nothing in it."""
         self._meter = LoadMeter()
         self.set_bit_error_rate(bit_error_rate)
 
@@ -105,6 +108,7 @@ class SimBus:
 
     def attach(self, name: str, *, fd: bool | None = None) -> int:
         """Add a controller, plugged in and integrated; `fd` says whether it supports CAN FD (None = as the bus)."""
+        self._settle()
         self._next_id += 1
         self._nodes[self._next_id] = SimNode(name, self.fd if fd is None else fd, self._next_id)
         self._hearing = None
@@ -123,6 +127,7 @@ class SimBus:
         it = self._nodes[node]
         if not it.plugged:
             return
+        self._settle()
         it.plugged = False
         self._hearing = None
         self._waiting.pop(node, None)
@@ -142,6 +147,7 @@ class SimBus:
         """Connect a node again; it takes part after 11 recessive bits."""
         it = self._nodes[node]
         if not it.plugged:
+            self._settle()
             it.plugged = True
             self._hearing = None
             it.plugged_at = now
@@ -200,6 +206,8 @@ class SimBus:
 
     def next_event_at(self) -> float | None:
         """When `advance` has something to do; None while nothing is in progress."""
+        if self._is_unplanned:
+            self._plan()
         attempt = self._attempt
         if not self._recovering:
             return None if attempt is None else attempt.ends_at
@@ -218,11 +226,14 @@ class SimBus:
                 self._finish(attempt, events)
             else:
                 self._recover(at, events)
-            self._plan()
+            self._attempt, self._is_unplanned = None, True
+            if at == now and not self._recovering:
+                break  # another frame takes its time, and whoever hears this one may have one to send
         return events
 
     def load(self, now: float) -> float:
         """Part of the last second in which the bus was busy, 0 to 1."""
+        self._settle()
         return self._meter.load(now, self._attempt.starts_at if self._attempt is not None else None)
 
     # Faults
@@ -237,6 +248,7 @@ class SimBus:
         Raises:
             LocalProtocolError: another probability, or no `random` was given.
         """
+        self._settle()
         self._random = random or self._random
         if not 0 <= probability < 1 or (probability and self._random is None):
             raise LocalProtocolError(f"bit error rate {probability}: it is from 0 to below 1 and needs a `random`")
@@ -244,12 +256,14 @@ class SimBus:
 
     def flip_bit(self, index: int, now: float) -> None:
         """Invert one bit (0 = SOF) of the next frame, for all nodes; a second call applies to the frame after it."""
+        self._settle()
         self._flips.append(index)
         if self._is_open(now):
             self._plan()
 
     def break_sender(self, node: int, *, broken: bool) -> None:
         """From the next frame on, invert a bit of each frame that the node sends, as a broken transmitter does."""
+        self._settle()
         (self._broken.add if broken else self._broken.discard)(node)
 
     def deafen(self, node: int, *, frames: int = 0, probability: float = 0.0) -> None:
@@ -265,6 +279,7 @@ class SimBus:
 
     def short_circuit(self, now: float) -> None:
         """CAN-H touches CAN-L: from now on no node sees a dominant bit."""
+        self._settle()
         attempt = self._attempt
         self._shorted = True
         if self._is_open(now):
@@ -274,6 +289,7 @@ class SimBus:
 
     def repair(self, now: float) -> None:
         """End the short circuit."""
+        self._settle()
         self._shorted = False
         if self._is_open(now):
             self._plan()
@@ -287,12 +303,16 @@ class SimBus:
     def _enlist(self, node: int, it: SimNode, now: float) -> None:
         if it.mailboxes and not it.counters.off:
             self._waiting[node] = it
-            if self._attempt is None or self._is_open(now):
-                self._plan()
+            self._is_unplanned = self._is_unplanned or self._attempt is None or self._is_open(now)
+
+    def _settle(self) -> None:
+        """Calculate the next attempt, if that is still to be done, before something changes on which it depends."""
+        if self._is_unplanned:
+            self._plan()
 
     def _plan(self) -> None:
         """Calculate the next attempt from the waiting frames."""
-        self._attempt = None
+        self._attempt, self._is_unplanned = None, False
         self._flipped = bool(self._flips)
         if not self._waiting:
             return
