@@ -3,7 +3,7 @@
 
 const msbotProgram = (() => {
   const SILENT_MS = 2500, PING_MS = 500, END_MS = 1500, MOST_LINES = 500, DEVICE_MS = 50, TYPED = "msbot_typed", FRESH_MS = 10000;
-  let worker = null, files = null, editor = 0, name = "program.py", askedAt = null, isStuck = false, watch = null, ending = null;
+  let worker = null, files = null, editor = 0, name = "program.py", askedAt = null, isStuck = false, stuckRow = null, watch = null, ending = null;
   let begun = 0, tellOpened = null, held = "", person = "";
   const isOpened = new Promise((done) => { tellOpened = done; });
   let device = {}, sent = "", audio = null, deviceTimer = null, hasTilt = false;
@@ -238,7 +238,10 @@ const msbotProgram = (() => {
   function look() {
     const silent = askedAt === null ? 0 : performance.now() - askedAt;
     if (silent > SILENT_MS) {
-      if (!isStuck) line("error", say("stuck"), 0);
+      if (!isStuck || !stuckRow.isConnected) { // a program that prints in its loop pushes it out of the console
+        line("error", say("stuck"), 0);
+        stuckRow = at("ms-console").lastElementChild;
+      }
       isStuck = true;
       state("busy", "lost", say("stuckFor", { seconds: Math.round(silent / 1000) }));
     }
