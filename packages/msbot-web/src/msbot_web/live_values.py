@@ -188,18 +188,23 @@ class LiveValues:
 
         Octets of an unknown type, or that do not fit it, are shown as hexadecimal digits under the name `octets`.
         """
-        octets = watch.payload if payload is None else payload
+        return dict(self.shown(watch)) if payload is None else self._take_apart(watch, payload)
+
+    def shown(self, watch: TopicWatch) -> Mapping[str, Scalar]:
+        """`fields` of the latest sample, for who changes nothing in it."""
+        if not watch.payload:
+            return {}
+        message_class, known = self._class_of(watch.message_type), watch.shown
+        if known is None or known[0] != watch.count or known[1] is not message_class:
+            known = watch.shown = (watch.count, message_class, self._take_apart(watch, watch.payload))
+        return known[2]
+
+    def _take_apart(self, watch: TopicWatch, octets: bytes) -> dict[str, Scalar]:
         if not octets:
             return {}
-        message_class = self._class_of(watch.message_type)
-        if payload is None and watch.shown is not None and watch.shown[:2] == (watch.count, message_class):
-            return dict(watch.shown[2])
         message = self._message(watch, octets)
         found: dict[str, Scalar] = {}
         found.update([("octets", octets[: LONGEST_TEXT // 2].hex(" "))] if message is None else _leaves("", message))
-        if payload is None:
-            watch.shown = (watch.count, message_class, found)
-            return dict(found)
         return found
 
     def numbers(self, watch: TopicWatch, payload: bytes | None = None) -> dict[str, bool | int | float]:

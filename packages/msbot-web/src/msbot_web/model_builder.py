@@ -13,6 +13,7 @@ from msbot.pnp.model import ProgramLogLine
 from msbot_agent.text.sentence import said
 from msbot_agent.text.similar_names import instead_of
 from msbot_web.frame_ring import FrameRing
+from msbot_web.glances import SlotGlance
 from msbot_web.live_values import LiveValues
 from msbot_web.models.bus_models import BusFigures, FrameLine
 from msbot_web.models.robot_models import (
@@ -157,6 +158,11 @@ class ModelBuilder:
         """`slots` and `waiting`, of one moment."""
         infos = self._master.inventory.view(self._clock())
         return self._cards.all(infos), self._waiting(infos)
+
+    def glances_and_waiting(self) -> tuple[list[SlotGlance], int]:
+        """What can be seen of all slots from afar, and `waiting`, of one moment."""
+        infos = self._master.inventory.view(self._clock())
+        return self._cards.glances(infos), self._waiting(infos)
 
     def slot(self, name: str) -> SlotCard:
         """One slot.

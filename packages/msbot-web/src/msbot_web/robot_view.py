@@ -9,6 +9,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Generic, Protocol, TypeVar
 
 from msbot_agent.text.sentence import said
+from msbot_web.glances import ShownRobot
 from msbot_web.models.bus_models import BusFigures, FrameLine
 from msbot_web.models.robot_models import Robot, SlotCard, TopicLine, WirePort
 from msbot_web.recorded_snapshot import RecordedSnapshot
@@ -28,11 +29,11 @@ class OfRobot(Generic[_T]):
         work: works it out; nobody changes what it returns.
     """
 
-    def __init__(self, work: Callable[[Robot], _T]) -> None:
+    def __init__(self, work: Callable[[ShownRobot], _T]) -> None:
         self._work = work
-        self._known: tuple[Robot, _T] | None = None
+        self._known: tuple[ShownRobot, _T] | None = None
 
-    def __call__(self, robot: Robot) -> _T:
+    def __call__(self, robot: ShownRobot) -> _T:
         """What the robot has of it."""
         known = self._known
         if known is None or known[0] is not robot:
@@ -45,6 +46,9 @@ class RobotView(Protocol):
 
     def robot(self) -> Robot:
         """The robot with all its slots."""
+
+    def glance(self) -> ShownRobot:
+        """What pages look at all the time."""
 
     def slot(self, name: str) -> SlotCard:
         """One slot.
@@ -98,6 +102,10 @@ class LiveRobotView:
         """See `RobotView.robot`."""
         return self._service.robot()
 
+    def glance(self) -> ShownRobot:
+        """See `RobotView.glance`."""
+        return self._service.glance()
+
 
 class PastRobotView:
     """The robot at a moment of the past."""
@@ -107,6 +115,10 @@ class PastRobotView:
 
     def robot(self) -> Robot:
         """See `RobotView.robot`."""
+        return self._moment.robot
+
+    def glance(self) -> ShownRobot:
+        """See `RobotView.glance`."""
         return self._moment.robot
 
     def slot(self, name: str) -> SlotCard:

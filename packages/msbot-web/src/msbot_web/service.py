@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import AsyncIterator, Callable, Sequence
 from functools import partial
 from importlib.metadata import version
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Generic, TypeVar
 
 from msbot.metrics import MomentFigures
 from msbot.operations.dispatch import InProcessOperations
@@ -27,6 +27,7 @@ from msbot_web.arena_view import ArenaView
 from msbot_web.class_controller import ClassController
 from msbot_web.doctor_service import DoctorService
 from msbot_web.gallery import Gallery, RunningDemo
+from msbot_web.glances import RobotGlance
 from msbot_web.hand_ins import HandInActions
 from msbot_web.lessons_view import LessonsView
 from msbot_web.live_channel import LiveChannel
@@ -64,6 +65,41 @@ MAX_BLUEPRINT = 256 * 1024
 """Octets of a blueprint."""
 BACKUP = "backup"
 """What the doctor mends that is no operation."""
+
+
+_T = TypeVar("_T")
+
+
+class _Shared(Generic[_T]):
+    """What many pages ask for at the same time, worked out once.
+
+    Args:
+        work: works it out.
+        clock: the robot's clock, seconds.
+        marks: how much was asked for so far, and in which look at all pages this is; 0: in none.
+    """
+
+    def __init__(
+        self, work: Callable[[], _T], clock: Callable[[], float], marks: Callable[[], tuple[int, int]]
+    ) -> None:
+        self._work, self._clock, self._marks = work, clock, marks
+        self._known: tuple[float, tuple[int, int], _T] | None = None
+
+    def __call__(self) -> _T:
+        """As it is now, or was a moment ago."""
+        now, marks, known = self._clock(), self._marks(), self._known
+        if known is not None and known[1][0] == marks[0]:
+            shared_s = LONGEST_SHARED_S if marks[1] and known[1] == marks else SHARED_S
+            if now - known[0] < shared_s:
+                return known[2]
+        found = self._work()
+        # From the end of the work on: else what takes longer than this to work out would never be shared.
+        self._known = (self._clock(), marks, found)
+        return found
+
+    def forget(self) -> None:
+        """It changes now."""
+        self._known = None
 
 
 class Service:
@@ -153,7 +189,7 @@ class Service:
         """What is handed in of lessons."""
         self.live = LiveChannel(accounts)
         """What is live on pages."""
-        self._seen_robot: tuple[float, tuple[int, int], Robot] | None = None
+        self._seen, self._glanced = self._shared(self._look_at_robot), self._shared(self._glance_at_robot)
         self._held = HeldControls(lambda: views.bench)
         operations.pupils.use_holds(self._held.end_where)
         accounts.sessions.on_end(self._signed_out)
@@ -189,19 +225,39 @@ class Service:
 
     def robot(self) -> Robot:
         """The robot with all its slots; worked out once for all pages that ask at the same time."""
-        # The numbers of what was asked for, and of the look at all pages in which this is.
-        now, marks = self._clock(), (self.operations.asked, self.live.looks if self.live.is_looking else 0)
-        if self._seen_robot is not None and self._seen_robot[1][0] == marks[0]:
-            shared_s = LONGEST_SHARED_S if marks[1] and self._seen_robot[1] == marks else SHARED_S
-            if now - self._seen_robot[0] < shared_s:
-                return self._seen_robot[2]
+        return self._seen()
+
+    def _look_at_robot(self) -> Robot:
         slots, arrivals = self.views.slots_and_waiting()
-        robot = self._robot().model_copy(
+        return self._robot().model_copy(
             update={"slots": slots, "arrivals": arrivals, "trouble": self._records.trouble()}
         )
-        # From the end of the work on: else a robot that takes longer than this to work out would never be shared.
-        self._seen_robot = (self._clock(), marks, robot)
-        return robot
+
+    def glance(self) -> RobotGlance:
+        """What all pages look at twice a second, shared in the same way."""
+        return self._glanced()
+
+    def _glance_at_robot(self) -> RobotGlance:
+        slots, arrivals = self.views.glances_and_waiting()
+        robot = self._robot()
+        return RobotGlance(
+            version=robot.version,
+            serial_number=robot.serial_number,
+            manufacturer=robot.manufacturer,
+            links=robot.links,
+            beat_s=robot.beat_s,
+            stop=robot.stop,
+            trouble=self._records.trouble(),
+            faults=robot.faults,
+            arrivals=arrivals,
+            slots=slots,
+        )
+
+    def _shared(self, work: Callable[[], _T]) -> _Shared[_T]:
+        # The numbers of what was asked for, and of the look at all pages in which this is.
+        return _Shared(
+            work, self._clock, lambda: (self.operations.asked, self.live.looks if self.live.is_looking else 0)
+        )
 
     async def values(self, slot: str) -> list[Value]:
         """The parameters of a slot with origin, range and unit."""
@@ -493,7 +549,8 @@ class Service:
 
     def _need(self, session: Session, right: Right) -> None:
         self.accounts.require(session, right)
-        self._seen_robot = None  # what follows changes it
+        self._seen.forget()  # what follows changes it
+        self._glanced.forget()
 
 
 def _edit_line(edit: EditRecord) -> EditLine:

@@ -8,13 +8,16 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
 
 from msbot.config import Binding, Blueprint, Library, MessageType, PartType, Port, Slot, scalar_text
 from msbot.pnp import PartInfo, PartState, SelfDescription, StopStatus
 from msbot_agent.agent import SessionFaultCounts
 from msbot_agent.text.sentence import said
+from msbot_web.glances import PartGlance, SlotGlance
 from msbot_web.live_values import LiveValues, TopicWatch
 from msbot_web.models.robot_models import (
+    TOLD,
     PartDeclaration,
     PartLine,
     PartStopConfirmation,
@@ -34,6 +37,8 @@ STALE_PERIODS = 3
 SHORTEST_PERIOD_S = 0.2
 """A value that comes more often is not called stale because of a hiccup."""
 
+
+NOTHING_PLUGGED_IN = said("nothing is plugged in")
 
 _slot_card, _port_line = unchecked(SlotCard), unchecked(PortLine)
 _part_line, _session_faults = unchecked(PartLine), unchecked(SessionFaults)
@@ -114,6 +119,11 @@ class SlotCards:
         look = self._look(parts)
         return [self._card(place, look) for place in self._places.values()]
 
+    def glances(self, parts: Sequence[PartInfo]) -> list[SlotGlance]:
+        """Likewise, what can be seen from afar; `parts` are all parts as they are now."""
+        look = self._look(parts)
+        return [self._glance(place, look) for place in self._places.values()]
+
     def card(self, name: str) -> SlotCard:
         """The slot of that name, which there is."""
         look = self._look()
@@ -142,33 +152,66 @@ class SlotCards:
                 found.setdefault(number, []).append(info.part)
         return found
 
-    def _card(self, place: _Place, look: _RobotSnapshot) -> SlotCard:
-        slot, part_type = place.slot, place.part_type
+    def _glance(self, place: _Place, look: _RobotSnapshot) -> SlotGlance:
+        slot = place.slot
         info = look.infos.get(slot.name)
         # An adopted part may be of another type than the slot is for, also of one that the library does not know.
-        own_type = self.library.get(info.part_number) if info is not None and info.part_number else part_type
-        plugged = look.plugged.get(slot.name)
-        next_beat_s = None
-        if info is not None and info.beat_age_s is not None and info.state.is_registered:
-            next_beat_s = look.beat_s - info.beat_age_s
+        own_number = "" if info is None else info.part_number
+        own_type = self.library.get(own_number) if own_number else place.part_type
+        part, next_beat_s = None, None
+        if info is not None:
+            age_s = info.beat_age_s
+            part = PartGlance(info.part, info.state.value, info.nature.label, info.life, info.beats, age_s)
+            if age_s is not None and info.state.is_registered:
+                next_beat_s = look.beat_s - age_s
+        return SlotGlance(
+            name=slot.name,
+            shown_number=own_number or slot.part_number,
+            type_name="" if own_type is None else own_type.name,
+            state="empty" if info is None else info.state.value,
+            reason=NOTHING_PLUGGED_IN if info is None else info.reason,
+            part=part,
+            next_beat_s=next_beat_s,
+            spares=list(look.spares.get(slot.part_number, ())),
+            plugged=look.plugged.get(slot.name),
+            faults=list(self._planted(slot.name)),
+            type_differences=[] if info is None else list(self._type_differences(info.client_key)),
+            port=partial(self._main_port, place, look),
+        )
+
+    def _card(self, place: _Place, look: _RobotSnapshot) -> SlotCard:
+        slot, part_type, seen = place.slot, place.part_type, self._glance(place, look)
+        info = look.infos.get(slot.name)
         return _slot_card(
             name=slot.name,
             part_number=slot.part_number,
-            type_name="" if own_type is None else own_type.name,
+            type_name=seen.type_name,
             category="" if part_type is None else part_type.category.value,
             description=slot.description,
-            state="empty" if info is None else info.state.value,
-            reason=said("nothing is plugged in") if info is None else info.reason,
+            state=seen.state,
+            reason=seen.reason,
             part=None if info is None else part_line(info, is_ignored=self._ignored(info)),
             ports=[self._port(end, slot, look) for end in place.ends],
-            next_beat_s=next_beat_s,
-            spares=list(look.spares.get(slot.part_number, ())),
-            simulated=plugged is not None,
-            plugged=plugged,
-            faults=list(self._planted(slot.name)),
-            type_differences=[] if info is None else list(self._type_differences(info.client_key)),
+            next_beat_s=seen.next_beat_s,
+            spares=seen.spares,
+            simulated=seen.simulated,
+            plugged=seen.plugged,
+            faults=seen.faults,
+            type_differences=seen.type_differences,
             wear=self._wear(info),
         )
+
+    def _main_port(self, place: _Place, look: _RobotSnapshot) -> PortLine | None:
+        """As `SlotCard.main_port`."""
+        ends = place.ends_by_weight
+        for end in ends:
+            told = look.by_hand.get((place.slot.name, end.port))
+            if told is None:
+                watch = self.live.topic(end.binding.topic)
+                told = {} if watch is None else self.live.shown(watch)
+            if told:
+                return self._port(end, place.slot, look)
+        return self._port(place.ends[0], place.slot, look) if ends else None
 
     def _wear(self, info: PartInfo | None) -> SessionFaults | None:
         """What went wrong between agent and part in its session."""
@@ -330,6 +373,8 @@ class _Place:
     slot: Slot
     part_type: PartType | None
     ends: Sequence[_End]
+    ends_by_weight: Sequence[_End]
+    """Those that say most about the part first; see `SlotCard.main_port`."""
 
 
 def _places_of(blueprint: Blueprint, library: Library) -> Mapping[str, _Place]:
@@ -352,4 +397,10 @@ def _places_of(blueprint: Blueprint, library: Library) -> Mapping[str, _Place]:
         for publishes, one in ((True, binding.source), *((False, target) for target in binding.targets)):
             if one.slot in ends:
                 ends[one.slot].append(end_of(binding, one.slot, one.port, rate_hz, publishes=publishes))
-    return {slot.name: _Place(slot, types[slot.name], ends[slot.name]) for slot in blueprint.slots}
+
+    def place_of(slot: Slot) -> _Place:
+        part_type, own = types[slot.name], ends[slot.name]
+        is_told = part_type is not None and part_type.category.value in TOLD
+        return _Place(slot, part_type, own, sorted(own, key=lambda end: end.publishes is is_told))
+
+    return {slot.name: place_of(slot) for slot in blueprint.slots}

@@ -124,7 +124,19 @@ def test_every_deed_is_refused_to_lower_roles_and_to_who_is_signed_out(tmp_path:
 
 
 def test_all_deeds_are_in_the_table() -> None:
-    seeing = {"me", "may_undo", "robot", "values", "journal", "edits", "robots", "blueprint", "has_card", "is_on_card"}
+    seeing = {
+        "me",
+        "may_undo",
+        "robot",
+        "glance",
+        "values",
+        "journal",
+        "edits",
+        "robots",
+        "blueprint",
+        "has_card",
+        "is_on_card",
+    }
     deeds = (
         {name for name in vars(Service) if not name.startswith("_")}
         - seeing

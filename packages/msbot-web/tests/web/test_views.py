@@ -8,8 +8,10 @@ from pathlib import Path
 
 import pytest
 
+from msbot.operations.rights import Role
 from msbot.part import HelloWorld
 from msbot_agent.link.can.protocol import Frame
+from msbot_web.glances import ShownSlot
 from msbot_web.models.robot_models import SlotCard
 from msbot_web.svg.drawings import done_fields
 from msbot_xrce.errors import NotThere
@@ -47,6 +49,44 @@ def test_what_is_made_without_checks_is_what_the_models_take(tmp_path: Path) -> 
             assert SlotCard.model_validate(card.model_dump()) == card
             assert json.loads(card.model_dump_json()) == card.model_dump(mode="json")
             assert card.model_fields_set == set(SlotCard.model_fields)
+
+    show(tmp_path, scene)
+
+
+def shown(slot: ShownSlot) -> tuple[object, ...]:
+    """Everything that a card shows of a slot."""
+    part = slot.part
+    return (
+        (slot.name, slot.shown_number, slot.type_name, slot.state, slot.reason, slot.next_beat_s),
+        (slot.spares, slot.simulated, slot.plugged, slot.faults, slot.type_differences, slot.main_port),
+        None if part is None else (part.part, part.state, part.nature, part.life, part.beats, part.beat_age_s),
+    )
+
+
+def test_a_glance_shows_what_a_card_shows(tmp_path: Path) -> None:
+    async def scene(rig: Rig) -> None:
+        seen = set[str]()
+
+        def compare() -> None:
+            glances, waiting = rig.views.glances_and_waiting()
+            assert [shown(one) for one in glances] == [shown(card) for card in rig.views.slots()]
+            assert waiting == rig.views.waiting()
+            seen.update(one.state for one in glances)
+            seen.update(port.held for one in glances if (port := one.main_port) is not None)
+
+        compare()
+        await rig.look(3.0)
+        compare()
+        await rig.act(rig.session(Role.VIEWER), "stop")
+        compare()
+        await rig.look(3.0)
+        compare()
+        await rig.act(rig.session(Role.TEACHER), "go")
+        rig.stage.pull("CC")
+        for _ in range(12):
+            await rig.look(0.5)
+            compare()
+        assert seen >= {"active", "lost", "", "gone"}
 
     show(tmp_path, scene)
 

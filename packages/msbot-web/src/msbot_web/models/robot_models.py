@@ -260,6 +260,10 @@ class PartLine(Model):
     """Why it was refused or stands by, in a word for programs, as `blocked` or `no_slot`; empty: it is let in."""
 
 
+TOLD = ("actuator", "display")
+"""Categories of parts of which what they were told says more than what they tell."""
+
+
 class SlotCard(Model):
     """One slot of the robot with the part in it."""
 
@@ -292,6 +296,12 @@ class SlotCard(Model):
     def shown_number(self) -> str:
         """The part number that people read: that of the part in the slot, else that which the slot is for."""
         return (self.part.part_number if self.part is not None else "") or self.part_number
+
+    @property
+    def main_port(self) -> PortLine | None:
+        """The port that says most about the part: what an actuator was told, else what the part tells."""
+        ports = sorted(self.ports, key=lambda port: port.publishes is (self.category in TOLD))
+        return next((port for port in ports if port.fields), self.ports[0] if self.ports else None)
 
 
 class SimulatedPartControl(Model):

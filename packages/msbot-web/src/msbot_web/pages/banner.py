@@ -20,7 +20,7 @@ def show_banner(page: Page, banner: ui.column) -> None:
     shown: list[object] = []
 
     def show() -> None:
-        robot = page.service.robot()
+        robot = page.service.glance()
         wanted: list[object] = [page.is_past, robot.stop.stopped, robot.trouble, robot.stop.trouble, *robot.faults]
         if wanted != shown:
             shown[:] = wanted

@@ -7,10 +7,11 @@ from typing import Protocol
 
 from msbot.operations.rights import Right
 from msbot_web.api.dependencies import public_words
+from msbot_web.glances import ShownPart, ShownRobot, ShownSlot
 from msbot_web.html import Markup, render
 from msbot_web.language import Language
 from msbot_web.live_channel import LiveView
-from msbot_web.models.robot_models import PartLine, PortLine, Robot, SlotCard
+from msbot_web.models.robot_models import PortLine
 from msbot_web.robot_view import LiveRobotView, RobotView
 from msbot_web.service import Service
 from msbot_web.svg.drawings import (
@@ -19,7 +20,6 @@ from msbot_web.svg.drawings import (
     done_fields,
     draw,
     fields_html,
-    main_port,
     ring_marks,
     sparkline,
     state_chip,
@@ -69,11 +69,11 @@ def live_cards(page: _LivePageReader) -> tuple[Hashable, Callable[[], LiveView]]
 
     def make() -> LiveView:
         readers = _Readers(service, language, sees_all=sees_all)
-        cards: dict[str, SlotCard] = {}
-        seen = [service.robot()]
+        cards: dict[str, ShownSlot] = {}
+        seen = [service.glance()]
 
         def marks() -> Mapping[str, Hashable]:
-            robot = seen[0] = service.robot()
+            robot = seen[0] = service.glance()
             cards.clear()
             cards.update({card.name: card for card in robot.slots})
             return looks_of(robot)
@@ -91,12 +91,12 @@ def slot_of(name: str) -> str:
     return name.rpartition(":")[2]
 
 
-def looks_of(robot: Robot) -> dict[str, Hashable]:
+def looks_of(robot: ShownRobot) -> dict[str, Hashable]:
     """What the pictures of all cards depend on, by the name of the slot; and what changes more often: their values and
     rings."""
     looks: dict[str, Hashable] = {}
     for card in robot.slots:
-        port = main_port(card)
+        port = card.main_port
         looks[card.name] = look_of(card, port, robot.beat_s)
         if port is not None:
             looks[NOW + card.name] = (tuple(port.fields.items()), tuple(port.safe.items()))
@@ -106,12 +106,12 @@ def looks_of(robot: Robot) -> dict[str, Hashable]:
     return looks
 
 
-def card_piece(reader: CardReader, name: str, card: SlotCard, robot: Robot) -> object:
+def card_piece(reader: CardReader, name: str, card: ShownSlot, robot: ShownRobot) -> object:
     """A card, or only its ring or its value, as `msbotCards` of `page.js` takes it."""
     if name.startswith(RING):
         return ring_marks(card, robot.beat_s, 0 if card.part is None else card.part.life, reader.language)
     if name.startswith(NOW):
-        return _now_of(reader, main_port(card))
+        return _now_of(reader, card.main_port)
     return [
         card_html(reader, card, robot),
         open_words(reader, card),
@@ -134,33 +134,33 @@ def _now_of(reader: CardReader, port: PortLine | None) -> tuple[Markup | str, Ma
     )
 
 
-def ring_html(reader: CardReader, card: SlotCard, robot: Robot) -> Markup:
+def ring_html(reader: CardReader, card: ShownSlot, robot: ShownRobot) -> Markup:
     """The ring around a slot's life status."""
     return beat_ring(card, robot.beat_s, 0 if card.part is None else card.part.life, reader.language)
 
 
-def open_words(reader: CardReader, card: SlotCard) -> str:
+def open_words(reader: CardReader, card: ShownSlot) -> str:
     """A card's name for who does not see it: what a click does, and in which state the slot is."""
-    say, port = reader.translate, main_port(card)
+    say, port = reader.translate, card.main_port
     words = [say(card.state), *map(say, card.faults)]
     if port is not None and port.held not in ("", "gone"):
         words.append(say(HELD_WORDS[port.held]))
     return f"{say('Open slot {name}', name=card.name)}: {', '.join(words)}"
 
 
-def plug_words(reader: CardReader, card: SlotCard) -> str:
+def plug_words(reader: CardReader, card: ShownSlot) -> str:
     """What the button that plugs a simulated part does; nothing without one."""
     if card.plugged is None:
         return ""
     return reader.translate("Unplug {name}" if card.plugged else "Plug {name} in", name=card.name)
 
 
-def plug_short(reader: CardReader, card: SlotCard) -> str:
+def plug_short(reader: CardReader, card: ShownSlot) -> str:
     """What is on the button, as lessons call it."""
     return reader.translate("Unplug") if card.plugged else reader.translate("Plug in")
 
 
-def look_of(card: SlotCard, port: PortLine | None, beat_s: float) -> Hashable:
+def look_of(card: ShownSlot, port: PortLine | None, beat_s: float) -> Hashable:
     """What a card's picture depends on, without the value at its main port and without its ring; between two beats the
     browser turns that by itself."""
     part = card.part
@@ -179,7 +179,7 @@ def look_of(card: SlotCard, port: PortLine | None, beat_s: float) -> Hashable:
     )
 
 
-def _age(part: PartLine, beat_s: float) -> str:
+def _age(part: ShownPart, beat_s: float) -> str:
     """Seconds since the last beat, as they are shown: exact as soon as one is overdue."""
     if part.beat_age_s is None or part.state not in ("active", "late"):
         return ""
@@ -193,9 +193,9 @@ def _stale_age(port: PortLine) -> str:
     return f"{port.age_s:.0f} s" if port.age_s < 120 else f"{port.age_s / 60:.0f} min"
 
 
-def card_html(reader: CardReader, card: SlotCard, robot: Robot) -> Markup:
+def card_html(reader: CardReader, card: ShownSlot, robot: ShownRobot) -> Markup:
     """One slot as a card."""
-    part, port = card.part, main_port(card)
+    part, port = card.part, card.main_port
     age = "" if part is None else _age(part, robot.beat_s)
     is_gone = port is not None and port.held == "gone"  # the state says so: no need for more words
     drawing, values, spark = _now_of(reader, port)

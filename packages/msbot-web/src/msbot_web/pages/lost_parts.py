@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from nicegui import ui
 
 from msbot.pnp import PartState
-from msbot_web.models.robot_models import Robot
+from msbot_web.glances import ShownRobot
 from msbot_web.robot_view import OfRobot
 
 if TYPE_CHECKING:
@@ -20,7 +20,7 @@ MOST_TOLD, TOLD_S = 4, 8.0
 """Parts of which a page says so at the same time, and for how long; the menu has the number of all."""
 
 
-def _lost_slots(robot: Robot) -> frozenset[str]:
+def _lost_slots(robot: ShownRobot) -> frozenset[str]:
     return frozenset(card.name for card in robot.slots if card.state == PartState.LOST.value)
 
 
@@ -37,7 +37,7 @@ def notify_lost(page: Page) -> None:
     def look() -> None:
         nonlocal known
         now = asyncio.get_running_loop().time()
-        lost = lost_slots(page.service.robot())
+        lost = lost_slots(page.service.glance())
         for name in sorted(set(told) - lost):
             if not (shown := told.pop(name)).is_deleted:  # its time is over, or somebody has closed it
                 shown.dismiss()

@@ -159,8 +159,8 @@ class _Counts:
     def __init__(self, page: Page, ways: Sequence[MenuEntry]) -> None:
         service = page.service
         known: Mapping[str, Callable[[], int]] = {
-            "/": lambda: len(lost_slots(service.robot())),
-            "/arrivals": lambda: service.robot().arrivals,
+            "/": lambda: len(lost_slots(service.glance())),
+            "/arrivals": lambda: service.glance().arrivals,
             "/pupils": lambda: len(service.pupils.passes.waiting.names()),
         }
         self._of = {way.path: known[way.path] for way in ways if way.path in known}

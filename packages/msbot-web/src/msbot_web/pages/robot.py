@@ -15,8 +15,8 @@ from nicegui import ui
 from nicegui.events import GenericEventArguments
 
 from msbot.operations.rights import Right
+from msbot_web.glances import ShownRobot
 from msbot_web.html import Markup, render
-from msbot_web.models.robot_models import Robot
 from msbot_web.nicegui_internals.elements import forget_content
 from msbot_web.page_errors import read_from_browser
 from msbot_web.pages.gallery import back_to_rover
@@ -66,9 +66,9 @@ def _summary(page: Page) -> None:
     shown: dict[str, object] = {}
 
     def show() -> None:
-        robot = page.sight.robot()
+        robot = page.sight.glance()
         counts = _states(robot)
-        first = robot.slots[0].part_number if robot.slots else ""
+        first = robot.slots[0].shown_number if robot.slots else ""
         whose = (robot.version, robot.serial_number, robot.manufacturer, *robot.links)
         wanted = (page.is_past, whose, first, tuple(counts.items()))
         if wanted == shown.get("wanted"):
@@ -88,7 +88,7 @@ def _summary(page: Page) -> None:
             hint = page.translate(
                 "Nothing is plugged in yet. Plug a part in, start one ({command} in a terminal), or open a "
                 "card and simulate its part.",
-                command=f"msbot part {robot.slots[0].part_number}",
+                command=f"msbot part {first}",
             )
         content = render("summary", words=" · ".join(words), chips=chips, hint=hint)
         set_html(line, content)
@@ -96,7 +96,7 @@ def _summary(page: Page) -> None:
     page.every_look(show)
 
 
-def _count_states(robot: Robot) -> Mapping[str, int]:
+def _count_states(robot: ShownRobot) -> Mapping[str, int]:
     counts: dict[str, int] = {}
     for card in robot.slots:
         counts[card.state] = counts.get(card.state, 0) + 1
@@ -125,7 +125,7 @@ class _Grid:
 
     def _show(self) -> None:
         page, live = self._page, self._page.service.live
-        robot = page.sight.robot()
+        robot = page.sight.glance()
         places = (page.is_past, _names(robot), self._groups, self._own)
         if places != self._places:
             self._places, self._shown = places, looks_of(robot)
@@ -150,7 +150,7 @@ class _Grid:
             self._shown.update({name: looks[name] for name in changed})
             ui.run_javascript(f"msbotCards('{self._element.html_id}', {json.dumps(changed)})")
 
-    def _whole(self, robot: Robot) -> Markup:
+    def _whole(self, robot: ShownRobot) -> Markup:
         group_of = {slot: group for group, slots in self._groups for slot in slots}
         places = [
             {

@@ -15,9 +15,10 @@ from textwrap import wrap
 from msbot.config import PartType
 from msbot.config.library.picture import picture_svg
 from msbot_agent.text.sentence import Sentence
+from msbot_web.glances import ShownSlot
 from msbot_web.html import Markup, render
 from msbot_web.language import PLAIN, Language
-from msbot_web.models.robot_models import PortLine, Scalar, SlotCard
+from msbot_web.models.robot_models import PortLine, Scalar
 from msbot_web.svg.list_drawings import bars, fan, lamps, listed, picture, short_list
 
 Fields = Mapping[str, Scalar]
@@ -56,7 +57,7 @@ def state_chip(state: str, word: str) -> Markup:
     return render("state_chip", state=state, word=word, sign=STATE_ICONS.get(state, ""))
 
 
-def beat_ring(card: SlotCard, beat_s: float, life: int, language: Language) -> Markup:
+def beat_ring(card: ShownSlot, beat_s: float, life: int, language: Language) -> Markup:
     """The ring around a slot's life status: how much of the time to the next beat is left, and life 3-2-1-0.
 
     The browser lets it run down by itself, in steps: 120 rings that move smoothly would keep a tablet busy.
@@ -65,7 +66,7 @@ def beat_ring(card: SlotCard, beat_s: float, life: int, language: Language) -> M
     return render("ring", words=words, gap=gap, animation=animation, life=shown_life)
 
 
-def ring_marks(card: SlotCard, beat_s: float, life: int, language: Language) -> tuple[str, str, str, str]:
+def ring_marks(card: ShownSlot, beat_s: float, life: int, language: Language) -> tuple[str, str, str, str]:
     """What differs between rings: its words, how much of it is missing, how it goes on (CSS), and the number in it."""
     next_s, say = card.next_beat_s, language.translate
     if card.part is None or not life:
@@ -81,14 +82,6 @@ def ring_marks(card: SlotCard, beat_s: float, life: int, language: Language) -> 
     over = 1.0 if next_s is None else 1.0 - max(0.0, min(1.0, next_s / beat_s))
     animation = "" if next_s is None else f"ms-beat {beat_s:g}s steps(6) {-beat_s * over:.2f}s forwards"
     return words, f"{RING_ROUND * over:.1f}", animation, str(life or "–")
-
-
-def main_port(card: SlotCard) -> PortLine | None:
-    """The port that says most about a part: what an actuator was told, else what the part tells."""
-    told = [port for port in card.ports if not port.publishes and port.fields]
-    tells = [port for port in card.ports if port.publishes and port.fields]
-    ports = [*told, *tells] if card.category in ("actuator", "display") else [*tells, *told]
-    return ports[0] if ports else (card.ports[0] if card.ports else None)
 
 
 def draw(type_name: str, fields: Fields, language: Language = PLAIN) -> Markup:

@@ -13,7 +13,6 @@ from msbot_web.svg.drawings import (
     beat_ring,
     draw,
     fields_html,
-    main_port,
     sparkline,
     state_chip,
     value_words,
@@ -132,12 +131,12 @@ def test_of_an_actuator_what_it_was_told_is_drawn_of_a_sensor_what_it_tells() ->
         port("power", publishes=False, fields={"percent": 1.0}),
         port("speed", publishes=True, fields={"rpm": 1.0}),
     )
-    assert main_port(card(told, tells, category="actuator")) is told
-    assert main_port(card(told, tells, category="sensor")) is tells
+    assert card(told, tells, category="actuator").main_port is told
+    assert card(told, tells, category="sensor").main_port is tells
     silent = port("power", publishes=False)
-    assert main_port(card(silent, tells, category="actuator")) is tells
-    assert main_port(card(silent)) is silent
-    assert main_port(card()) is None
+    assert card(silent, tells, category="actuator").main_port is tells
+    assert card(silent).main_port is silent
+    assert card().main_port is None
 
 
 @given(st.lists(st.floats(-1e6, 1e6), max_size=70))

