@@ -135,8 +135,12 @@ def test_an_older_database_is_copied_within_and_brought_up_to_date(
         assert connection.execute(text("SELECT name, colour FROM robots")).all() == [("MSBOT_MASTER", "red")]
         assert connection.execute(text(f"SELECT name FROM {copy}.robots")).all() == [("MSBOT_MASTER",)]
         assert connection.execute(text(f"SELECT version_num FROM {copy}.alembic_version")).all() == [(f"{NOW:04}",)]
-    with pytest.raises(RegistryError, match="was written by a newer MsBOT"):
+    with pytest.raises(RegistryError, match="was written by a newer MsBOT") as refused:
         open_registry(database)
+    assert str(refused.value).endswith(
+        f"; copies from before updates are its schemas {copy}; a backup can be restored into an empty database "
+        "(`createdb NAME`)"
+    )
 
 
 def test_a_copy_within_takes_no_name_that_is_in_use(database: str, engine: Engine, tmp_path: Path) -> None:

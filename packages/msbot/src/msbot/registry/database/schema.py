@@ -145,9 +145,15 @@ def _newer(connection: Connection, address: Address, version: int, newest: int) 
     if copies:
         newest_copy = max(copies, key=lambda path: path.stat().st_mtime_ns)
         words = said("{words}; the copy from before the update is {copy}", words=words, copy=newest_copy.name)
+    if address.path is None:
+        if schemas := [name for name in inspect(connection).get_schema_names() if _COPY.fullmatch(name)]:
+            names = ", ".join(schemas[-_SHOWN:])
+            words = said("{words}; copies from before updates are its schemas {names}", words=words, names=names)
+        words = said("{words}; a backup can be restored into an empty database (`createdb NAME`)", words=words)
     return words
 
 
+_COPY = re.compile(r"msbot_schema\d+_\d+_backup")
 _SHOWN = 8
 """Of tables and columns that a downgrade loses: their names in a sentence."""
 
