@@ -366,7 +366,8 @@ class ModelBuilder:
         order = [slot.name for slot in self._blueprint().slots]
         # A part without a slot has a lane as long as it waits; what it did before it got a slot stands in the journal.
         waiting = {part.part for part in self.parts() if part.state in ARRIVING}
-        names = [*order, *(name for name in lanes if name not in order and name in waiting)]
+        names = [name for name in lanes if name not in order and name in waiting]
+        names = [*order, *sorted(names, key=lambda name: lanes[name][0].begin)]
         result = []
         for name in names:
             spans = lanes.get(name, ())

@@ -31,6 +31,9 @@ from msbot_web.live_values import HISTORY_S, LiveValues
 from msbot_xrce.lazy import dataclass
 
 KEPT_SPANS = 500
+"""Of a lane; also lanes, of which those of parts without a slot give way first."""
+MOST_SPANS = 4000
+"""Of all lanes together: beyond that the oldest of the longest lane gives way."""
 KEPT_BEATS = 300
 SHOWN_BEATS = 60
 
@@ -52,6 +55,10 @@ class Timeline:
 
     def __init__(self) -> None:
         self._spans: dict[str, deque[Span]] = {}
+        """By lane; the one that changed last comes last."""
+        self._slots: set[str] = set()
+        """Lanes of slots."""
+        self._count = 0
         self._beats = Beats()
         self._intervals: dict[str, deque[tuple[float, float]]] = {}
         """By slot: (when a beat came, seconds since the one before)."""
@@ -59,12 +66,21 @@ class Timeline:
     def note(self, event: PartEvent) -> None:
         """Take a change; what the inventory calls. A note about a part, such as an error of its log, is none."""
         lane = event.slot or event.part
-        spans = self._spans.setdefault(lane, deque(maxlen=KEPT_SPANS))
+        spans = self._spans.get(lane, ())
         if spans and event.from_state is event.to_state and spans[-1].part == event.part:
             return
-        spans.append(Span(event.at, event.to_state.value, event.part, event.reason))
+        kept = self._spans[lane] = self._spans.pop(lane, deque[Span]())
+        kept.append(Span(event.at, event.to_state.value, event.part, event.reason))
+        self._count += 1
+        if event.slot:
+            self._slots.add(lane)
         if len(self._spans) > KEPT_SPANS:
-            del self._spans[next(iter(self._spans))]
+            oldest = next((one for one in self._spans if one not in self._slots), next(iter(self._spans)))
+            self._slots.discard(oldest)
+            self._count -= len(self._spans.pop(oldest))
+        if len(kept) > KEPT_SPANS or self._count > MOST_SPANS:
+            (kept if len(kept) > KEPT_SPANS else max(self._spans.values(), key=len)).popleft()
+            self._count -= 1
 
     def poll(self, infos: Iterable[PartInfo], now: float) -> None:
         """Derive the intervals between beats from the inventory; to be called a few times a second."""

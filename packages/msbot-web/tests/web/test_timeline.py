@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from msbot.pnp import PartInfo, PartState
-from msbot_web.timeline import KEPT_BEATS, KEPT_SPANS, Timeline
+from msbot_web.timeline import KEPT_BEATS, KEPT_SPANS, MOST_SPANS, Timeline
 from tests.registry.events import changed
 
 INFO = PartInfo(
@@ -53,6 +53,28 @@ def test_the_past_is_bounded() -> None:
         flooded.note(replace(changed(PartState.ACTIVE), at=float(number)))
     assert len(flooded.spans("AA")) == KEPT_SPANS
     assert flooded.spans("AA")[-1].begin == KEPT_SPANS + 9
+
+
+def test_strangers_neither_push_the_slots_out_nor_fill_the_memory() -> None:
+    timeline = Timeline()
+    timeline.note(changed(PartState.ACTIVE))
+    for number in range(3 * MOST_SPANS):
+        stranger = f"udp 10.0.{number % 700 // 256}.{number % 256}"
+        timeline.note(changed(PartState.REFUSED, slot=None, local_name=stranger, reason=str(number)))
+    lanes = timeline.lanes()
+    assert len(lanes) == KEPT_SPANS
+    assert sum(map(len, lanes.values())) <= MOST_SPANS
+    assert lanes["AA"][-1].state == "active"
+    assert [*lanes.values()][-1][-1].reason == str(3 * MOST_SPANS - 1), "the newest is there"
+
+
+def test_one_lane_after_another_is_shortened_when_all_are_long() -> None:
+    timeline = Timeline()
+    for number in range(2 * MOST_SPANS):
+        timeline.note(changed(PartState.ACTIVE, slot=f"S{number % 20}"))
+    kept = [len(spans) for spans in timeline.lanes().values()]
+    assert sum(kept) == MOST_SPANS
+    assert max(kept) - min(kept) <= 1
 
 
 def test_beats_are_timed_by_when_they_came_not_by_when_they_were_looked_at() -> None:
