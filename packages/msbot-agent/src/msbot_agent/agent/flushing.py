@@ -254,7 +254,7 @@ class Flusher:
                 proxy.dropped.count("packet for a link that is down")
             else:
                 proxy.bytes_out += len(packet)
-            outbox.popleft()
+            del outbox[0]
         proxy.is_blocked = True
         port.blocked[proxy] = None
 

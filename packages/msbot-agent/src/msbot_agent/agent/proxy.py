@@ -116,7 +116,7 @@ class Proxy:
         self.own_filter: Shape | None = None if echo else NoEchoShape(self._is_own)
         self.place: tuple[ServedLink, Peer] | None = None
         """Where its packets go, kept by the table of clients; None if it has gone or was removed."""
-        self.outbox: deque[bytes] = deque()
+        self.outbox: list[bytes] = []
         """Packets pulled out of the session for which the link had no room."""
         self.is_blocked = False
         """Whether the link has no room: samples then wait in the readers' histories."""
@@ -160,9 +160,11 @@ class Proxy:
             return
         if has_news:
             events, handlers = session.events, self._HANDLERS
-            while events:
-                event = events.popleft()
-                handlers[type(event)](self, event)
+            try:
+                for event in events:
+                    handlers[type(event)](self, event)
+            finally:
+                events.clear()
         # A packet that calls for no answer, such as an ACKNACK, is over here; a timer that is left finds nothing to do.
         if not self.is_marked and (self.is_over or not self.is_at_rest()):
             self._surroundings.mark(self)

@@ -8,7 +8,6 @@ the client. `recheck` asks again and attaches or detaches. The path of a sample 
 from __future__ import annotations
 
 import math
-from collections import deque
 from collections.abc import Callable
 from typing import Protocol
 
@@ -253,7 +252,7 @@ class ReadSide:
         self._owner = owner
         self._traffic = host.traffic_of(topic.name)
         self._shape = shape
-        self._on_hand: deque[Sample] = deque()
+        self._on_hand: list[Sample] = []
         self._since = 0.0  # when it entered the space
         self.is_waiting = False
         """Whether samples may be waiting, in the history or here."""
@@ -322,13 +321,13 @@ class ReadSide:
         """Send one sample that waits; False when there is none or it may not go now."""
         if self.reader is None or self.read is None:
             return False
-        sample = self._on_hand.popleft() if self._on_hand else self.reader.take()
+        sample = self._on_hand.pop(0) if self._on_hand else self.reader.take()
         if sample is None:
             self.is_waiting = False
             return False
         went = self._offer(sample)
         if not went:
-            self._on_hand.appendleft(sample)
+            self._on_hand.insert(0, sample)
         return went
 
     def close(self) -> None:
@@ -342,7 +341,7 @@ class ReadSide:
     def _keep(self, sample: Sample) -> None:
         # Left in the space's history, samples for others would push out those for this client.
         if len(self._on_hand) >= self._qos.depth:
-            self._on_hand.popleft()
+            del self._on_hand[0]
             self._host.dropped.count(PUSHED_OUT)
         self._on_hand.append(sample)
 

@@ -7,7 +7,6 @@ ends attach to one server end. It works in virtual time.
 from __future__ import annotations
 
 import asyncio
-from collections import deque
 
 from msbot_agent.link.base import BaseLink
 from msbot_agent.link.contract import LinkInfo, Peer, Signal
@@ -80,7 +79,7 @@ class InprocEnd(BaseLink):
         """What its partners call this end."""
         self._hub = hub
         self._loop: asyncio.AbstractEventLoop | None = None
-        self._queues: dict[Peer, deque[bytes]] = {}
+        self._queues: dict[Peer, list[bytes]] = {}
 
     def has_room(self, peer: Peer) -> bool:
         """Whether `send` to that peer would succeed now."""
@@ -98,12 +97,14 @@ class InprocEnd(BaseLink):
         if self._hub.partner(self, peer) is None:
             self.counters.dropped.count("nobody at the other end")
             return
-        queue = self._queues.setdefault(peer, deque())
-        if len(queue) >= QUEUE_PACKETS:
-            raise LinkFull(f"{QUEUE_PACKETS} packets wait for {self.describe(peer)}")
-        if not queue:
+        queue = self._queues.get(peer)
+        if queue is None:
+            self._queues[peer] = [packet]
             self._loop.call_soon(self._deliver, peer)
-        queue.append(packet)
+        elif len(queue) >= QUEUE_PACKETS:
+            raise LinkFull(f"{QUEUE_PACKETS} packets wait for {self.describe(peer)}")
+        else:
+            queue.append(packet)
         self._sent(packet, peer, self._loop.time())
 
     def describe(self, peer: Peer) -> str:

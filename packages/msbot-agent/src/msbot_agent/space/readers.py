@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable, Iterable
 from typing import Protocol
 
@@ -32,7 +31,7 @@ class History:
     __slots__ = ("_depth", "_octets", "_store", "samples")
 
     def __init__(self, depth: int, store: Store) -> None:
-        self.samples: deque[Sample] = deque()
+        self.samples: list[Sample] = []
         self._depth = depth
         self._store = store
         self._octets = 0
@@ -52,7 +51,7 @@ class History:
 
     def pop(self) -> Sample:
         """Take the oldest one."""
-        sample = self.samples.popleft()
+        sample = self.samples.pop(0)
         size = len(sample.payload)
         self._octets -= size
         self._store.used -= size
@@ -111,7 +110,7 @@ class MemoryReader:
         self._deliver = deliver
         self._history = History(max(1, qos.depth), store)
         self._waiting = self._history.samples
-        self._backlog: deque[Sample] | None = deque()
+        self._backlog: list[Sample] | None = []
         self._meeting = meeting
         self._clock = clock
 
@@ -152,9 +151,9 @@ class MemoryReader:
 
     def catch_up(self, kept: Iterable[Sample]) -> None:
         """Deliver the samples written before the reader came; those written during this call wait behind them."""
-        self._backlog = backlog = deque(sample for sample in kept if not self._is_over(sample))
+        self._backlog = backlog = [sample for sample in kept if not self._is_over(sample)]
         while backlog and self._open:
-            sample = backlog.popleft()
+            sample = backlog.pop(0)
             if not self._waiting and self._deliver(sample):
                 self.delivered += 1
             else:

@@ -18,7 +18,6 @@ need not wait for the peer's HEARTBEAT.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections import deque
 from collections.abc import Callable
 from typing import Any, ClassVar, Generic, TypeVar
 
@@ -73,6 +72,7 @@ class Session(ABC, Generic[Event]):
         "_sender",
         "_settings",
         "_sparse",
+        "_told",
         "_unquestioned",
         "client_key",
         "counters",
@@ -111,8 +111,9 @@ class Session(ABC, Generic[Event]):
         """Packets that begin with this octet are taken without asking `_refusal`."""
         self._memory = Memory(settings.max_message, memory)
         self._key_octets = client_key.to_bytes(4, "big")
-        self.events: deque[Event | WindowOpened] = deque()
-        """What has happened, oldest first; the owner takes it out."""
+        self.events: list[Event | WindowOpened] = []
+        """What has happened, oldest first; the owner handles and clears it, or calls `next_event`."""
+        self._told = 0  # how many of them `next_event` has given
         self._best_effort: dict[int, BestEffortInput] = {}
         self._reliable: dict[int, ReliableInput] = {}
         envelope = Envelope(session_id, client_key, self.mtu, pads=pads)
@@ -162,7 +163,14 @@ class Session(ABC, Generic[Event]):
 
     def next_event(self) -> Event | WindowOpened | None:
         """The next event; None when there are no more."""
-        return self.events.popleft() if self.events else None
+        events, at = self.events, self._told
+        if at < len(events):
+            self._told = at + 1
+            return events[at]
+        if at:
+            events.clear()
+            self._told = 0
+        return None
 
     def has_room(self, stream_id: int) -> bool:
         """Whether a sample may be booked on that stream now; after False, `WindowOpened` says when."""

@@ -8,8 +8,6 @@ HEARTBEAT, so a gap is repaired at the speed of the link (XRCE 1.0 §8.4).
 
 from __future__ import annotations
 
-from collections import deque
-
 from msbot_xrce.streams.sequence_numbers import HALF, NOTHING_YET, distance, is_after
 from msbot_xrce.streams.settings import Memory, SessionCounters
 
@@ -136,8 +134,8 @@ class ReliableInput:
         self.told_at = _NEVER_YET
         self.reports = 0
         """How many ACKNACKs asked for something."""
-        self._moves: deque[tuple[int, int]] = deque(maxlen=MOVES_KEPT)
-        self._reported_at: deque[float] = deque(maxlen=REPORTS_KEPT)
+        self._moves: list[tuple[int, int]] = []
+        self._reported_at: list[float] = []
 
     def acknack_sent(self, first: int, bits: int, now: float) -> None:
         """Note an ACKNACK that goes to the peer."""
@@ -145,10 +143,14 @@ class ReliableInput:
             if distance(self.told_first, first) > LONGEST_MOVE:
                 self._moves.clear()
             self._moves.append((first, self.reports))
+            if len(self._moves) > MOVES_KEPT:
+                del self._moves[0]
         self.told_first, self.told_bits, self.told_at = first, bits, now
         if bits:
             self.reports += 1
             self._reported_at.append(now)
+            if len(self._reported_at) > REPORTS_KEPT:
+                del self._reported_at[0]
 
     def reports_on(self, number: int) -> int:
         """How many of the reports can have made the peer send that message: those from before it was acknowledged."""

@@ -21,8 +21,6 @@ one message. So once a client has lacked something, nothing is sent behind a STA
 
 from __future__ import annotations
 
-from collections import deque
-
 from msbot_xrce.messages.ids import KIND_MASK
 from msbot_xrce.messages.message import Fragment, Heartbeat
 from msbot_xrce.messages.submessage import HEADER_SIZE, Envelope, append_submessage
@@ -111,7 +109,7 @@ class ReliableOutput:
         """When a HEARTBEAT is due; None while nothing is unacknowledged or messages wait for the link."""
         self.refused = False
         """Whether a caller was refused for lack of room, and must be told when there is room."""
-        self.missed: deque[int] = deque()
+        self.missed: list[int] = []
         """Numbers of the messages to be sent again."""
         self._envelope = envelope
         self._capacity = envelope.capacity
@@ -128,7 +126,7 @@ class ReliableOutput:
         self._pool = pool
         self._octets = 0  # counted in the pool
         self._unanswered = 0  # HEARTBEATs since the last ACKNACK
-        self._waiting: deque[bytes] = deque()
+        self._waiting: list[bytes] = []
         self._unacked: dict[int, bytes] = {}
         self._resent_at: dict[int, float] = {}
         self._waiting_large = 0
@@ -233,7 +231,7 @@ class ReliableOutput:
             if self._status_nr is not None and self._is_barred():
                 return
             if len(waiting[0]) <= self._capacity:
-                self._emit(waiting.popleft())
+                self._emit(waiting.pop(0))
             else:
                 self._emit_piece()
 
@@ -271,7 +269,7 @@ class ReliableOutput:
         """The messages to send again, at most `limit`; those acknowledged since are left out."""
         packets: list[bytes] = []
         while self.missed and (limit is None or len(packets) < limit):
-            nr = self.missed.popleft()
+            nr = self.missed.pop(0)
             packet = self._unacked.get(nr)
             if packet is not None:
                 packets.append(packet)
@@ -367,7 +365,7 @@ class ReliableOutput:
         end = start + self._capacity - HEADER_SIZE
         is_last = end >= len(body)
         if is_last:
-            self._waiting.popleft()
+            del self._waiting[0]
             self._waiting_large -= 1
             self._count(-len(body))
             self._cut_at = 0

@@ -63,7 +63,7 @@ class SessionOutput:
         self._answers = StreamQueue(ANSWERS_FULL)
         self.owed: dict[int, ReliableInput] = {}
         """The input streams whose ACKNACK is due: the next `pull` makes it, after everything booked until then."""
-        self._guesses: set[int] = set()
+        self._guesses: dict[int, None] = {}
         self._answer_header = envelope.seal(STREAM_NONE, 0, b"")
         self.best_efforts: dict[int, BestEffortOutput] = {}
         """The best-effort streams in use; read-only (`best_effort` opens them)."""
@@ -147,7 +147,7 @@ class SessionOutput:
 
     def guess(self, stream_id: int) -> None:
         """Have the ACKNACK that is due ask for the next message, even if nobody has said that there is one."""
-        self._guesses.add(stream_id)
+        self._guesses[stream_id] = None
 
     def queue_due_acknacks(self, now: float) -> None:
         """Book the ACKNACKs that are due now, ahead of what is booked after this."""
@@ -237,8 +237,8 @@ class SessionOutput:
                 stream.link_drained(now, self.heartbeat_s, self._settings.heartbeat_min_s)
         items = self.outbox.items
         if len(items) == 1:
-            item = items.popleft()
-            packets.append(item if type(item) is bytes else item.packets.popleft())  # type: ignore[union-attr]
+            item = items.pop()
+            packets.append(item if type(item) is bytes else item.packets.pop(0))  # type: ignore[union-attr]
         elif items:
             packets += self.outbox.pull()
         if self.owed:
