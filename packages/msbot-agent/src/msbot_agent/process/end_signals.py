@@ -103,10 +103,11 @@ def give_memory_back() -> None:
 #
 # Python begins a search whenever 700 objects more are there than were. Each message of a robot makes some that are gone
 # a moment later, by their counts of references; a search finds nothing, and with many parts what it goes through has
-# left the processor's caches meanwhile. What only a search can free is little: pages that were closed, errors.
+# left the processor's caches meanwhile. What only a search can free is little: pages that were closed, errors. The
+# bound is what a thousand parts make when they beat at once.
 
 
-YOUNG, MIDDLE, OLD = 5_000, 10, 10
+YOUNG, MIDDLE, OLD = 10_000, 7, 7
 """Objects more than at the last search; searches until also the next generation is searched, and the last one."""
 
 

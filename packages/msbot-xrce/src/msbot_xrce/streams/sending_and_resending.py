@@ -247,18 +247,23 @@ class ReliableOutput:
             return False
         self._unanswered = 0
         if progress:
-            if progress == len(unacked):
-                self._count(-sum(map(len, unacked.values())))
+            is_all = progress == len(unacked)
+            if is_all:
+                octets = sum(map(len, unacked.values()))
+                self._octets -= octets
+                self._pool.used -= octets
                 unacked.clear()
                 self._resent_at.clear()
             else:
                 self._forget(progress)
             self._first = first
             if self._timed is not None and self._timed not in unacked:
-                self._measure(now)
+                asked_at = self._heartbeat_sent_at
+                since_asked_s = now - asked_at if asked_at > self._timed_at else None
+                self._round_trip.measure(now - self._timed_at, since_asked_s, now)
                 self._timed = None
             self.heartbeat_at = None
-            self.moved = True
+            self.moved = not is_all
             if self._waiting:
                 self.advance()
         if bitmap:
@@ -357,7 +362,7 @@ class ReliableOutput:
         self._pool.used += size
         self._next = (nr + 1) & 0xFFFF
         self.moved = True
-        self._outbox.put(packet)
+        self._outbox.items.append(packet)
 
     def _emit_piece(self) -> None:
         body = self._waiting[0]
@@ -379,11 +384,6 @@ class ReliableOutput:
             nr = (self._first + index) & 0xFFFF
             self._count(-len(self._unacked.pop(nr)))
             self._resent_at.pop(nr, None)
-
-    def _measure(self, now: float) -> None:
-        asked_at = self._heartbeat_sent_at
-        since_asked_s = now - asked_at if asked_at > self._timed_at else None
-        self._round_trip.measure(now - self._timed_at, since_asked_s, now)
 
     def _note_missed(self, first: int, bitmap: int, now: float) -> None:
         for index in range(bitmap.bit_length()):
