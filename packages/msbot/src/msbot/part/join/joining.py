@@ -14,7 +14,6 @@ None, and calls `handle_timer` when `timer()` says so.
 
 from __future__ import annotations
 
-from collections import deque
 from enum import Enum
 
 from msbot_xrce.lazy import dataclass
@@ -209,7 +208,7 @@ class Joining:
         """The number that every beat shows, 0 = not registered."""
         self._expected = expected
         self._pace = pace
-        self._actions: deque[Action] = deque()
+        self._actions: list[Action] = []
         self._beat_period_s = 1.0
         self._retry_at: float | None = None
         self._beat_at: float | None = None
@@ -220,7 +219,7 @@ class Joining:
 
     def next_action(self) -> Action | None:
         """The next thing that the owner has to do, or None."""
-        return self._actions.popleft() if self._actions else None
+        return self._actions.pop(0) if self._actions else None
 
     def session_opened(self, now: float) -> None:
         """A session is open."""

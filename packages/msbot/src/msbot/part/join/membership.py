@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections import deque
 from collections.abc import Callable, Sequence
 
 from msbot.part.client.client import ENDLESS, ClientMaker, ServiceNames
@@ -149,7 +148,7 @@ class Membership:
         self._absent = absent
         self._help = ""
         """What the robot has said last to the part that it does not let in."""
-        self._unsaid: deque[bytes] = deque()
+        self._unsaid: list[bytes] = []
         self._has_trouble = False
         self.log = LogSender()
         """Lines of the program for the robot's log."""
@@ -363,7 +362,7 @@ class Membership:
     def say_trouble(self, sentence: str) -> None:
         """Tell the robot what is wrong with the part's hardware; only a part that has a lease can."""
         if self.joining.lease:
-            self._unsaid = deque(piece.encode() for piece in trouble_pieces(self.joining.lease, sentence))
+            self._unsaid = [piece.encode() for piece in trouble_pieces(self.joining.lease, sentence)]
             self._has_trouble = bool(self._unsaid)
             self._say_on()
 
@@ -375,7 +374,7 @@ class Membership:
 
     def _say_on(self) -> None:
         while self._unsaid and self._send(self._unsaid[0], STREAM_RELIABLE):
-            self._unsaid.popleft()
+            del self._unsaid[0]
         if not self._unsaid:  # not in the middle of a sentence: pieces have no name
             for piece in self.log.pieces(self.joining.lease):
                 if not self._send(piece, STREAM_RELIABLE):

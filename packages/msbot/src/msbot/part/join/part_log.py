@@ -6,7 +6,6 @@ version. Pure.
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Iterator
 from enum import IntEnum
 from typing import Final
@@ -95,8 +94,8 @@ class LogSender:
         """Lines that were not sent: they came too fast, or there was no room."""
         self._untold = 0
         self._rate = LineRate(PER_S, BURST)
-        self._waiting: deque[tuple[LogLevel | VersionOf, str]] = deque()
-        self._pieces: deque[TroublePiece] = deque()
+        self._waiting: list[tuple[LogLevel | VersionOf, str]] = []
+        self._pieces: list[TroublePiece] = []
 
     def add(self, level: LogLevel, line: str, now: float) -> None:
         """Take a line; one that comes too fast is counted, and the next one says how many were left out."""
@@ -112,13 +111,13 @@ class LogSender:
 
     def add_version(self, of: VersionOf, text: str) -> None:
         """Take a version, which goes first: the part has just become active."""
-        self._waiting.appendleft((of, printable(text)))
+        self._waiting.insert(0, (of, printable(text)))
 
     def pieces(self, lease: int) -> Iterator[bytes]:
         """What is to be sent, piece by piece; `sent` takes the piece off."""
         while self._waiting or self._pieces:
             if not self._pieces:
-                level, line = self._waiting.popleft()
+                level, line = self._waiting.pop(0)
                 for piece in trouble_pieces(lease, line or " "):
                     piece.place |= level << LEVEL_SHIFT
                     self._pieces.append(piece)
@@ -126,7 +125,7 @@ class LogSender:
 
     def sent(self) -> None:
         """The piece that `pieces` gave last is on its way."""
-        self._pieces.popleft()
+        del self._pieces[0]
 
     def forget(self) -> None:
         """The session is gone, and what was on its way with it."""
