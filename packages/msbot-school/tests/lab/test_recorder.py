@@ -7,6 +7,7 @@ import sys
 import threading
 from collections.abc import Callable
 from pathlib import Path
+from random import Random
 
 import mcap.decoder
 import pytest
@@ -85,6 +86,45 @@ async def test_a_recorder_that_needs_long_for_its_end_is_told_and_goes_on(
     process._process.kill()
     process._process.wait()
     assert f"recording: this computer is busy: {tmp_path / 'a.mcap'} will be complete in a moment" in caplog.text
+
+
+class Told(Recorder):
+    """Has heard what it is told."""
+
+    def __init__(self) -> None:
+        super().__init__(lambda: 1.0, lambda: BEGAN_NS)
+        self.told = b""
+
+    def drain(self) -> bytes:
+        told, self.told = self.told, b""
+        return told
+
+
+async def test_what_the_recorder_takes_at_once_needs_no_thread_and_what_it_does_not_take_comes_in_order(
+    tmp_path: Path,
+) -> None:
+    told, may_read, kept = Told(), tmp_path / "may-read", tmp_path / "kept"
+    process = RecorderProcess(told, None, RingLimits(60.0, 1 << 20))
+    reader = """
+import pathlib, sys, time
+while not pathlib.Path(sys.argv[1]).exists():
+    time.sleep(0.01)
+pathlib.Path(sys.argv[2]).write_bytes(sys.stdin.buffer.read())
+"""
+    process._command = [sys.executable, "-c", reader, str(may_read), str(kept)]
+    await asyncio.to_thread(process.start)
+    said = [b"little", b"more", Random(1).randbytes(300_000), b"little again", b"the end"]
+    waiting = []
+    for octets in said:
+        told.told = octets
+        process.hand_over()
+        with process._lock:
+            waiting.append(process._waiting_octets > 0 or process._is_feeding)
+    assert waiting[:2] == [False, False]
+    assert all(waiting[2:])
+    may_read.touch()
+    await asyncio.to_thread(process.close)
+    assert kept.read_bytes() == b"".join(said)
 
 
 async def a_part_comes_and_goes(robot: DemoRobot, operations: InProcessOperations) -> None:

@@ -74,7 +74,7 @@ class _Turn:
         self.function = function
         self.step = step
         """What is called: the function, or what follows after a `yield` of it."""
-        self.outer: tuple[str, float] | None = None
+        self.outer: tuple[Callable[..., object], float] | None = None
         """What `Guard.running` was before, and is again while it waits."""
         self.waited_s = 0.0
 
@@ -94,8 +94,7 @@ class Guard:
         """What the part is called; known when it runs."""
         self.errors = 0
         """Calls that ended with an error."""
-        self.running: tuple[str, float] | None = None
-        """The function that is running now and when it began, by the loop's clock."""
+        self._running: tuple[Callable[..., object], float] | None = None
         self.lets_wait = False
         """Whether functions may `wait`: each then runs on a stack of its own."""
         self.waiting = WaitingFunctions(self._next_step)
@@ -104,6 +103,12 @@ class Guard:
         self._turns: dict[greenlet, _Turn] = {}
         """The functions that have begun and not ended, where they may wait."""
         self._reported: set[tuple[str, str]] = set()
+
+    @property
+    def running(self) -> tuple[str, float] | None:
+        """The function that is running now and when it began, by the loop's clock."""
+        running = self._running
+        return None if running is None else (self._shown(running[0]), running[1])
 
     def call(self, function: Callable[..., object], *arguments: object) -> bool:
         """Call a handler; each kind of error at each line is reported once. False: it ended with an error, or waits.
@@ -156,12 +161,12 @@ class Guard:
         turn, clock = self._turns[stack], asyncio.get_running_loop().time
         begin(lambda outcome: self._go_on(stack, outcome))
         began_at = clock()
-        here, self.running = self.running, turn.outer
+        here, self._running = self._running, turn.outer
         try:
             assert stack.parent is not None
             return stack.parent.switch()
         finally:
-            turn.outer, self.running = self.running, here
+            turn.outer, self._running = self._running, here
             turn.waited_s += clock() - began_at
 
     def _go_on(self, stack: greenlet, outcome: object) -> None:
@@ -181,7 +186,7 @@ class Guard:
         function, clock = turn.function, asyncio.get_running_loop().time
         began_at = clock()
         failed = False
-        turn.outer, self.running = self.running, (self._shown(function), began_at)
+        turn.outer, self._running = self._running, (function, began_at)
         try:
             turn.step(*arguments)
         except NotSafeYet as not_yet:
@@ -191,7 +196,7 @@ class Guard:
             self._failed(function, error)
             failed = True
         finally:
-            self.running = turn.outer
+            self._running = turn.outer
         took_s = clock() - began_at - turn.waited_s
         if took_s > SLOW_S and _is_own(function):
             words = f"one of its steps took {took_s:.1f} s, and it cannot beat meanwhile: this computer may be too busy"

@@ -94,15 +94,15 @@ class CanPort:
     def pump(self, now: float) -> None:
         """Hand frames to the controller as long as it has room."""
         bus, queue = self.bus, self.queue
-        while self.is_up and bus.has_room():
+        while self.is_up and not queue.is_empty and bus.has_room():
             frame = queue.next(urgent_only=bus.pending() >= PACKET_FRAMES)
             if frame is None:
-                if not bus.pending():
-                    self._owner.drained(now)
                 break
             bus.send(frame)
             if self.frame_tap is not None:
                 self.frame_tap(now, "here", frame)
+        if self.is_up and queue.is_empty and not bus.pending():
+            self._owner.drained(now)
         self.tell_room()
 
     def tell_room(self) -> None:

@@ -8,6 +8,7 @@ import json
 import logging
 import os
 import queue
+import select
 import subprocess
 import sys
 import threading
@@ -33,6 +34,8 @@ END_S: Final = 10.0
 """Longest wait for it to finish its files at the end."""
 FINISHED_S: Final = 4.0
 """Longest wait for it to finish a file while the robot runs: less than people's programs wait for an answer."""
+_AT_ONCE: Final = os.name == "posix"
+"""Whether a pipe can be written to without a wait."""
 
 logger = logging.getLogger(__name__)
 
@@ -85,6 +88,8 @@ class RecorderProcess:
         self._process: subprocess.Popen[bytes] | None = None
         self._waiting: queue.SimpleQueue[bytes | None] = queue.SimpleQueue()
         self._waiting_octets = 0
+        self._is_feeding = False
+        """Whether the thread writes; whoever reads or changes it, or the octets that wait, holds the lock."""
         self._lock = threading.Lock()
         self._end = threading.Event()
         self._feeder: threading.Thread | None = None
@@ -98,6 +103,8 @@ class RecorderProcess:
     def hand_over(self) -> None:
         """Give the process what was heard since the last time; called in the robot's event loop."""
         octets = self.recorder.drain()
+        if octets:
+            octets = self._given_at_once(octets)
         if not octets:
             return
         with self._lock:
@@ -109,6 +116,18 @@ class RecorderProcess:
             self._tell_left_out()
         else:
             self._waiting.put(octets)
+
+    def _given_at_once(self, octets: bytes) -> bytes:
+        """Write as much as the process takes without a wait; what is left is for the thread, which also finds out when
+        the process has ended. A robot at rest says little, and the thread sleeps on."""
+        process = self._process
+        with self._lock:
+            if process is None or process.stdin is None or self._waiting_octets or self._is_feeding or not _AT_ONCE:
+                return octets
+        try:
+            return octets[process.stdin.write(octets) or 0 :]
+        except OSError:
+            return octets
 
     def close(self) -> None:
         """Wait until the files are finished, for so long; a busy computer may need longer, and its user is told."""
@@ -175,13 +194,19 @@ class RecorderProcess:
         self._process = subprocess.Popen(
             self._command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=environment, bufsize=0
         )
+        if _AT_ONCE:
+            assert self._process.stdin is not None
+            os.set_blocking(self._process.stdin.fileno(), False)
         threading.Thread(target=self._listen, args=(self._process,), name="msbot-recorder-listen", daemon=True).start()
 
     def _feed(self) -> None:
         while (octets := self._waiting.get()) is not None:
             with self._lock:
                 self._waiting_octets -= len(octets)
+                self._is_feeding = True
             self._write(octets)
+            with self._lock:
+                self._is_feeding = False
         assert self._process is not None
         assert self._process.stdin is not None
         with contextlib.suppress(OSError):  # it has ended by itself, which was told
@@ -193,7 +218,10 @@ class RecorderProcess:
         view = memoryview(octets)
         try:
             while view:
-                view = view[self._process.stdin.write(view) :]
+                written = self._process.stdin.write(view)
+                if written is None:
+                    _wait_for_room(self._process.stdin.fileno())
+                view = view[written or 0 :]
         except OSError:
             self._again()
 
@@ -256,6 +284,12 @@ class RecorderProcess:
     def _from_loop(self, call: Callable[[], None]) -> None:
         with contextlib.suppress(RuntimeError):  # the robot has ended in the meantime
             self._loop.call_soon_threadsafe(call)
+
+
+def _wait_for_room(descriptor: int) -> None:
+    waiting = select.poll()
+    waiting.register(descriptor, select.POLLOUT)
+    waiting.poll()
 
 
 async def run_recorder(process: RecorderProcess) -> None:

@@ -61,9 +61,13 @@ class StoredRobotSnapshot:
     """The latest STOP that was stored; None: nobody ever said it."""
 
 
+_NEWEST_EDIT = select(func.max(edits.c.id))
+"""Asked for every second, so made once."""
+
+
 def read_newest_edit(connection: Connection) -> int:
     """Number of the newest change in the database; 0: there was none."""
-    return int(connection.execute(select(func.max(edits.c.id))).scalar() or 0)
+    return int(connection.execute(_NEWEST_EDIT).scalar() or 0)
 
 
 def read_memory(connection: Connection, robot_id: int) -> StoredRobotSnapshot:

@@ -29,6 +29,11 @@ class FrameQueue:
         self._turns: deque[int] = deque()
         self._urgent: deque[Frame] = deque()
 
+    @property
+    def is_empty(self) -> bool:
+        """Whether no frame waits."""
+        return not (self._turns or self._urgent)
+
     def has_room(self, peer: int) -> bool:
         """Whether another packet for that peer is accepted now."""
         lane = self._lanes.get(peer)

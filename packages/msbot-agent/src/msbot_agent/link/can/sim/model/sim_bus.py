@@ -94,6 +94,8 @@ class SimBus:
         """Nodes whose frames are broken."""
         self._flipped = False
         self._shorted = False
+        self._is_sound = True
+        """No node counts errors or misses frames: what goes well changes no counter, and no state."""
         self._time = float("-inf")
         self._free_at = float("-inf")
         self._recessive_from = float("-inf")
@@ -274,6 +276,7 @@ class SimBus:
         """
         if probability and self._random is None:
             raise LocalProtocolError("a probability needs a `random`")
+        self._is_sound = False
         self._nodes[node].deaf_frames = frames
         self._nodes[node].deafness = probability
 
@@ -371,7 +374,7 @@ class SimBus:
         self._account(attempt)
         if self._flipped:
             self._flips.popleft()
-        if _is_undisturbed(attempt):
+        if self._is_sound and not attempt.failures and not attempt.error:
             if attempt.received:
                 events.append(Delivered(attempt.ends_at, [it.node_id for it in attempt.received], attempt.frame))
             for it in attempt.sent:
@@ -397,6 +400,7 @@ class SimBus:
             if not it.counters.active:
                 it.ready_at = attempt.free_at + SUSPEND * self._rates.bit_s
         self._tell_states(before, attempt.ends_at, events)
+        self._is_sound = all(map(_is_sound, self._nodes.values()))
 
     def _take_out(self, it: SimNode) -> None:
         """Take a frame that has been sent out of its controller."""
@@ -453,13 +457,10 @@ class SimBus:
             events.append(StateChanged(at, it.node_id, BusState.ACTIVE))
 
 
-def _is_undisturbed(attempt: Attempt) -> bool:
-    """Whether all went well for nodes without errors, as nearly always: then no counter changes, and no state."""
-    if attempt.failures or attempt.error:
-        return False
-    if any(it.counters.transmit or not it.counters.active for it in attempt.senders):
-        return False
-    return not any(it.counters.receive or it.deaf_frames or it.deafness for it in attempt.received)
+def _is_sound(it: SimNode) -> bool:
+    """Whether a node counts no errors and misses no frames."""
+    counters = it.counters
+    return not (counters.transmit or counters.receive or counters.off or it.deaf_frames or it.deafness)
 
 
 def _behind_arbitration(bits: int) -> int:
