@@ -184,6 +184,7 @@ def texts_of_the_library() -> set[str]:
         found |= {one.description for one in entry.parameters} | {wire.description for wire in entry.driver.pins}
         if entry.simulator is not None:
             found |= {one.words for one in entry.simulator.controls}
+            found |= {one.words for one in entry.simulator.readings if one.shown}
     return {text for text in found if re.search("[a-z]{3}", text)} - OF_ANY_LANGUAGE
 
 

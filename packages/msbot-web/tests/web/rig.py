@@ -69,6 +69,9 @@ class ToyBench:
     def readings(self, slot: str) -> Mapping[str, Scalar]:
         return {"turned": self.turned[slot]}
 
+    def reading_words(self, slot: str) -> Mapping[str, tuple[str, str]]:
+        return {"turned": ("Where its axle points", "deg")}
+
 
 class Alone(LocalMasters):
     """No other master is on this computer; a thread that looks for them would know nothing of virtual time."""

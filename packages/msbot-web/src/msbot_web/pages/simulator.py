@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import partial
 
 from nicegui import ui
@@ -42,12 +43,20 @@ def simulator_panel(page: Page, slot: str, *, title: str = "") -> None:
             with controls:
                 for control in simulated.controls:
                     _control(page, slot, control)
-        content = fields_html(simulated.readings, page.language, limit=16)
+        words = service.views.bench.reading_words(slot)
+        readings = {_words(page, name, words): value for name, value in simulated.readings.items()}
+        content = fields_html(readings, page.language, limit=16)
         if seen.content != content:
             seen.set_content(content)
 
     page.every_look(show, seen)
     plugged.on_value_change(plug)
+
+
+def _words(page: Page, reading: str, known: Mapping[str, tuple[str, str]]) -> str:
+    """What a reading means, with its unit; its name where it has no words."""
+    words, unit = known.get(reading, (reading, ""))
+    return f"{page.translate(words)} [{unit}]" if unit else page.translate(words)
 
 
 _HELD = '(event) => { if ([" ", "Enter"].includes(event.key) && !event.repeat) emit(); }'

@@ -42,6 +42,9 @@ class SimulatedControls(Protocol):
     def readings(self, slot: str) -> Mapping[str, Scalar]:
         """What one would see of the part."""
 
+    def reading_words(self, slot: str) -> Mapping[str, tuple[str, str]]:
+        """What its readings mean, in words, and their units, by name; those without words are left out."""
+
 
 class NoSimulatedControls:
     """A robot without simulated parts."""
@@ -76,5 +79,9 @@ class NoSimulatedControls:
         return None
 
     def readings(self, slot: str) -> Mapping[str, Scalar]:  # noqa: ARG002
+        """None."""
+        return {}
+
+    def reading_words(self, slot: str) -> Mapping[str, tuple[str, str]]:  # noqa: ARG002
         """None."""
         return {}

@@ -100,3 +100,9 @@ class SimulatedPartControls:
         """See `SimulatedControls.readings`."""
         simulated = self._robot.simulated(slot)
         return {} if simulated is None else simulated.readings()
+
+    def reading_words(self, slot: str) -> Mapping[str, tuple[str, str]]:
+        """See `SimulatedControls.reading_words`."""
+        simulated = self._robot.simulated(slot)
+        simulator = None if simulated is None else simulated.part_type.simulator
+        return {} if simulator is None else {one.name: (one.words, one.unit) for one in simulator.readings if one.words}

@@ -451,10 +451,10 @@ def test_a_lamp_is_driven_by_hand_and_goes_dark_when_the_page_is_closed(blank: P
     drawer = page.get_by_role("dialog")
     drawer.get_by_role("switch", name="on by hand").click()
     drawer.get_by_role("switch", name="on", exact=True).click()
-    expect(drawer).to_contain_text(re.compile(r"brightness_now\s*100"))
+    expect(drawer).to_contain_text(re.compile(r"How brightly \[%\]\s*100"))
     page.goto("about:blank")
     go(page, f"{demo.base}/?slot=headlight")
-    expect(page.get_by_role("dialog")).to_contain_text(re.compile(r"brightness_now\s*0"))
+    expect(page.get_by_role("dialog")).to_contain_text(re.compile(r"How brightly \[%\]\s*0"))
 
 
 def test_a_class_list_makes_people_with_tickets_and_a_removal_is_asked_once_more(

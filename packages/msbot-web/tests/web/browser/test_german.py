@@ -125,6 +125,11 @@ FILLED = {
 """What is there as soon as a page has something to show."""
 
 
+def test_what_one_sees_of_a_simulated_part_is_said_in_german(page: Page, demo: Site) -> None:
+    go(page, f"{demo.base}/?slot=headlight")
+    expect(page.get_by_role("dialog")).to_contain_text("Wie hell [%]")
+
+
 @pytest.mark.parametrize("path", [*PAGES, "/?slot=fan", "/?slot=knob"])
 def test_every_page_opens_without_an_error_fits_and_can_be_read(
     page: Page, noticed: Noticed, demo: Site, path: str
