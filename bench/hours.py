@@ -5,8 +5,9 @@
 A real `msbot demo` of ten parts with its database and the recorder on. Three pages are open all the time
 (`bench/open_pages.py`), closed and replaced by the next three each minute, so that each page of the menu is opened many
 times. Every two minutes a part is blocked and let in again, every five there is a STOP and a GO. Memory is looked at
-`--looks` times, every ten minutes by default; the first sixth is the warm-up: the recorder keeps ten minutes. `--write`
-puts the table into bench/results/hours.md. Takes a few percent of a core; Linux.
+`--looks` times, every ten minutes by default; the first twenty are the warm-up: the recorder keeps ten. `--write`
+puts the table into bench/results/hours.md. Ended by SIGTERM, it makes the table of the time so far. Takes a few percent
+of a core; Linux.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import argparse
 import asyncio
 import contextlib
 import os
+import signal
 import sqlite3
 import statistics
 import tempfile
@@ -43,8 +45,8 @@ PAGE_S, PART_S, STOP_S = 60.0, 120.0, 300.0
 AWAY_S, STOPPED_S = 20.0, 5.0
 BACK_S = 60.0
 """A part that is let in again is active within this time."""
-WARM = 6
-"""This part of the time is the warm-up, one of so many."""
+WARM_S, WARM = 1200.0, 6
+"""The warm-up, or of a short run this part: one of so many."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -198,8 +200,10 @@ class Eye:
 
 def growth(looks: Sequence[Look]) -> str:
     """How the memory changes after the warm-up, in words."""
-    after = [look for look in looks if look.at_s >= looks[-1].at_s / WARM * 0.999]
+    after = [look for look in looks if look.at_s >= min(WARM_S, looks[-1].at_s / WARM) * 0.999]
     hours = [look.at_s / 3600 for look in after]
+    if len(after) < 2:
+        return "It has not run for longer than its warm-up."
     words = []
     for name, memory in (
         ("the master", [look.master_mb for look in after]),
@@ -217,13 +221,19 @@ async def watch(eye: Eye, site: Site, hours: float, looks: int) -> tuple[list[Lo
     done, heard, seen = Done(), Heard(), [eye.look()]
     print(seen[0].cells(), flush=True)
     using, began = asyncio.create_task(use(site, done, heard)), time.monotonic()
+    enough = asyncio.Event()
+    asyncio.get_running_loop().add_signal_handler(signal.SIGTERM, enough.set)
+    ending = asyncio.create_task(enough.wait())
     for number in range(1, looks + 1):
         rest_s = began + number * hours * 3600 / looks - time.monotonic()
-        await asyncio.wait([using], timeout=max(rest_s, 0.0))
+        await asyncio.wait([using, ending], timeout=max(rest_s, 0.0), return_when=asyncio.FIRST_COMPLETED)
         if using.done():
             await using  # it never ends but by an error
+        if ending.done():
+            break
         seen.append(await asyncio.to_thread(eye.look))
         print(seen[-1].cells(), flush=True)
+    ending.cancel()
     using.cancel()
     await asyncio.gather(using, return_exceptions=True)
     return seen, done, heard
@@ -237,7 +247,7 @@ def main() -> None:
     options.add_argument("--write", action="store_true", help="keep the table in bench/results")
     chosen = options.parse_args()
     if chosen.looks < WARM:
-        options.error(f"--looks has to be at least {WARM}: the first sixth of them is the warm-up")
+        options.error(f"--looks has to be at least {WARM}: those of the warm-up do not count")
     lines = [f"{describe_machine()}; load {os.getloadavg()[0]:.1f}"]
     print("\n".join([*lines, "", *HEAD]), flush=True)
     with tempfile.TemporaryDirectory() as name:

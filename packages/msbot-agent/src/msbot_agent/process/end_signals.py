@@ -103,11 +103,12 @@ def give_memory_back() -> None:
 #
 # Python begins a search whenever 700 objects more are there than were. Each message of a robot makes some that are gone
 # a moment later, by their counts of references; a search finds nothing, and with many parts what it goes through has
-# left the processor's caches meanwhile. What only a search can free is little: pages that were closed, errors. The
-# bound is what a thousand parts make when they beat at once.
+# left the processor's caches meanwhile. The bound for the young ones is what a thousand parts make when they beat at
+# once. What only a search can free is pages that were closed, some 3,000 objects and up to a megabyte each: those that
+# were open at a search of the middle generation wait for one of everything, which comes soon enough to keep them few.
 
 
-YOUNG, MIDDLE, OLD = 10_000, 7, 7
+YOUNG, MIDDLE, OLD = 10_000, 2, 1
 """Objects more than at the last search; searches until also the next generation is searched, and the last one."""
 
 
