@@ -5,12 +5,13 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import secrets
+import shlex
 from collections.abc import Callable, Coroutine, Sequence
 from pathlib import Path
 from types import FunctionType
 from typing import TYPE_CHECKING
 
-from msbot.cli.run.world_options import OTHER, WorldOptions, address, remote_world
+from msbot.cli.run.world_options import OTHER, PASSWORD_VARIABLE, WorldOptions, address, remote_world
 from msbot.config import write_sample
 from msbot.operations.dispatch import InProcessOperations
 from msbot.pnp import PartState
@@ -43,6 +44,8 @@ class DemoWorld:
         self.robot = ""
         """The place of the demo's robot in a world of its own."""
         self._server: ArenaServer | None = None
+        self._shows_password = True
+        """Not where it came by the environment, so that it is seen nowhere."""
         self._say = say
         if wishes.world is None:
             return
@@ -61,6 +64,7 @@ class DemoWorld:
         self.door = LocalWorldConnection(self.living, self.robot)
         if wishes.share is not None:
             password = wishes.guests_password or secrets.token_urlsafe(9)
+            self._shows_password = wishes.password is not None or wishes.guests_password is None
             at = address(wishes.share, "--share-world 7600")
             self._server = ArenaServer(self.living, *at, password=password, say=say)
 
@@ -73,7 +77,10 @@ class DemoWorld:
     async def _greet(self, server: ArenaServer) -> None:
         await server.ready.wait()
         # A line of its own: it is copied.
-        self._say(f"The world is shared: msbot demo --world tcp:{server.password}@{server.host}:{server.port}")
+        known = f"{server.password}@" if self._shows_password else ""
+        world = shlex.quote(f"tcp:{known}{server.host}:{server.port}")
+        hint = "" if known else f" (with the same ${PASSWORD_VARIABLE})"
+        self._say(f"The world is shared: msbot demo --world {world}{hint}")
 
 
 # The demo as the robot of a lesson: `msbot demo --lesson NAME`.
