@@ -5,12 +5,14 @@
 Each row is a fresh process with its files in memory and its byte-code compiled, as it is after the first start: on a
 busy machine go by the least processor time. The page is there when a visitor who follows the printed link has got the
 home page with every slot of the robot in it; STOP works when the robot has answered on the socket that `msbot stop`
-uses. `--write` puts the table into bench/results/startup.md. Linux.
+uses. What its imports take is measured in the same way, in the process that makes them (`bench/import_share.py`).
+`--write` puts the table into bench/results/startup.md. Linux.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import resource
 import statistics
@@ -18,7 +20,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from http.cookiejar import CookieJar
@@ -34,6 +36,7 @@ from msbot.registry.records import database_identity
 from msbot.stop.stop_request import ask_masters
 from msbot_agent.process.user_folders import cache_folder, make_own_folder
 
+IMPORT_SHARE = Path(__file__).with_name("import_share.py")
 COMMAND = [sys.executable, "-m", "msbot"]
 CACHE = str(cache_folder() / "bench-byte-code")
 """Where the byte-code of these starts is kept: in a folder in which nobody else can put any."""
@@ -73,7 +76,7 @@ def process(*arguments: str) -> Taken:
     return Taken(real_s * 1e3, (after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime) * 1e3)
 
 
-def robot(until: Callable[[Started], None], *command: str) -> Taken:
+def robot(until: Callable[[Started], None], *command: str, program: Sequence[str] = COMMAND) -> Taken:
     """A robot with its page, from its start until something of it is there."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -82,7 +85,7 @@ def robot(until: Callable[[Started], None], *command: str) -> Taken:
         slots = tuple(slot.name for slot in open_blueprint(folder / "robot.toml")[0].slots)
         start = time.perf_counter()
         with subprocess.Popen(
-            [*COMMAND, *command, "--db", database, "--port", "0"],
+            [*program, *command, "--db", database, "--port", "0"],
             cwd=folder,
             stdout=subprocess.PIPE,
             text=True,
@@ -95,6 +98,14 @@ def robot(until: Callable[[Started], None], *command: str) -> Taken:
                 running.terminate()
                 running.communicate()
     return Taken(real_s * 1e3, used_s * 1e3)
+
+
+def imports_alone() -> Taken:
+    """What the imports of a demo take of the time until a visitor has its first page."""
+    with tempfile.TemporaryDirectory() as name:
+        result = Path(name) / "imports.json"
+        robot(page_is_there, "demo", program=(sys.executable, "-P", str(IMPORT_SHARE), str(result)))
+        return Taken(**json.loads(result.read_text()))
 
 
 def first_page(started: Started) -> str:
@@ -138,7 +149,8 @@ ROWS: tuple[tuple[str, str, Callable[[], Taken]], ...] = (
     ("`msbot --help`", "60 ms", lambda: process(*COMMAND, "--help")),
     ("`msbot parts --help`", "-", lambda: process(*COMMAND, "parts", "--help")),
     ("`msbot demo`: STOP works", "-", partial(robot, stop_works, "demo")),
-    ("`msbot demo`: the page is there", "1,500 ms", partial(robot, page_is_there, "demo")),
+    ("`msbot demo`: the page is there", "1,500 ms, 1.5 x imports", partial(robot, page_is_there, "demo")),
+    ("`msbot demo`: its imports alone", "-", imports_alone),
     ("`msbot master`: STOP works", "-", partial(robot, stop_works, *MASTER)),
     ("`msbot master`: its page is there", "1,500 ms", partial(robot, form_is_there, *MASTER)),
 )

@@ -17,6 +17,7 @@ is the plain, bit-by-bit description. The tests compare the two.
 
 from __future__ import annotations
 
+from array import array
 from dataclasses import replace
 from functools import cache, lru_cache
 from typing import NamedTuple
@@ -214,8 +215,9 @@ def _crc_step(crc: int, level: int, width: int, polynomial: int) -> int:
     return crc ^ polynomial if feedback & 1 else crc
 
 
-# Counting by tables. A stuffing state is the level of the last bit on the wire and how many equal ones end there (1
-# to 4: at 5 the stuff bit has already followed), packed as level * 4 + run - 1.
+# Counting by tables, small ones, because most frames come when the processor's caches have forgotten them. A stuffing
+# state is the level of the last bit on the wire and how many equal ones end there (1 to 4: at 5 the stuff bit has
+# already followed), packed as level * 4 + run - 1.
 
 
 def _classic_frame_bits(frame: Frame) -> FrameBits:
@@ -284,9 +286,9 @@ def _header(key: _HeaderKey) -> _Header:
 
 
 @cache
-def _stuffing_table(width: int) -> tuple[tuple[int, ...], ...]:
+def _stuffing_table(width: int) -> tuple[bytes, ...]:
     """By state and value of `width` bits: stuff bits inserted * 8 + state afterwards."""
-    return tuple(tuple(_stuff(state, value, width) for value in range(1 << width)) for state in range(8))
+    return tuple(bytes(_stuff(state, value, width) for value in range(1 << width)) for state in range(8))
 
 
 def _stuff(state: int, value: int, width: int) -> int:
@@ -303,11 +305,11 @@ def _stuff(state: int, value: int, width: int) -> int:
 
 
 @cache
-def _crc15_table() -> tuple[int, ...]:
-    table = []
+def _crc15_table() -> array[int]:
+    table = array("H")
     for octet in range(256):
         crc = 0
         for place in reversed(range(8)):
             crc = _crc_step(crc, octet >> place & 1, 15, CRC15_POLYNOMIAL)
         table.append(crc)
-    return tuple(table)
+    return table
