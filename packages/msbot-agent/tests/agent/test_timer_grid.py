@@ -11,7 +11,16 @@ from asyncio import selector_events
 import pytest
 
 from msbot_agent.process.end_signals import run_to_end
-from msbot_agent.process.timer_grid import EARLY_S, MOST_READ, STEPS, TimerGridLoop, first_time, on_grid, rounds_timers
+from msbot_agent.process.timer_grid import (
+    EARLY_S,
+    MOST_READ,
+    STEPS,
+    TimerGridLoop,
+    first_time,
+    on_grid,
+    rounds_timers,
+    until_step,
+)
 
 FAR_S, NEAR_S = STEPS[0][1], STEPS[-1][1]
 
@@ -41,6 +50,16 @@ def test_who_sleeps_in_a_circle_keeps_the_period() -> None:
         after = on_grid(0.1, woken + 0.1, EARLY_S)
         assert after == pytest.approx(now + 0.1)
         now = after
+
+
+@pytest.mark.parametrize("step", [0.1, 0.2])
+def test_who_waits_for_a_step_of_the_clock_is_in_step_again_after_a_late_turn(step: float) -> None:
+    now = 7.77
+    for late_s in (0.0, 0.001, 0.6 * step, 0.0, 0.99 * step, 3.2 * step, 0.0):
+        wait_s = until_step(now + late_s, step)
+        assert step / 4 <= wait_s <= step * 1.25
+        now += late_s + wait_s
+        assert now / step == pytest.approx(round(now / step), abs=1e-6)
 
 
 def test_the_loop_rounds_its_timers_and_begins_circles_on_the_grid() -> None:

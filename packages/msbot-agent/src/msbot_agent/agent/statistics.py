@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import field
 from typing import Final, Protocol
 
+from msbot_agent.process.timer_grid import until_step
 from msbot_xrce import AgentSession
 from msbot_xrce.counting import OTHERS
 from msbot_xrce.lazy import dataclass
@@ -183,7 +184,8 @@ class Transit:
     def mark(self, payload: bytes) -> bytes:
         """The payload, marked; the next one is due in a while."""
         self.is_due = False
-        asyncio.get_running_loop().call_later(EVERY_S, self._be_due)
+        loop = asyncio.get_running_loop()
+        loop.call_later(until_step(loop.time(), EVERY_S), self._be_due)
         timed = TimestampedPayload(payload)
         timed.began = self._clock()
         return timed

@@ -53,6 +53,15 @@ def first_time(loop: asyncio.AbstractEventLoop) -> float:
     return math.ceil(now / step) * step
 
 
+def until_step(now: float, step_s: float) -> float:
+    """How long it is until the clock of the loop shows a multiple of a step, seconds; at least a quarter of the step.
+
+    Who waits so comes in turns of the loop that come anyway, also after one that was late.
+    """
+    wait_s = (now // step_s + 1) * step_s - now
+    return wait_s if wait_s >= step_s / 4 else wait_s + step_s
+
+
 def rounds_timers(loop: asyncio.AbstractEventLoop) -> bool:
     """Whether timers come in groups in this loop; otherwise they are exact."""
     return isinstance(loop, TimerGridLoop)

@@ -9,6 +9,7 @@ from typing import Final
 
 from msbot.pnp import PartInfo
 from msbot_agent.agent import Acknowledgements, Agent, Maximum
+from msbot_agent.process.timer_grid import until_step
 from msbot_xrce.lazy import dataclass
 
 STEP_S: Final = 0.1
@@ -70,9 +71,7 @@ class Lateness:
     def _arm(self, loop: asyncio.AbstractEventLoop) -> None:
         # At the same times for all who measure: the computer wakes up once for them.
         now = loop.time()
-        due = (now // STEP_S + 1) * STEP_S
-        if due < now + STEP_S / 2:  # the division of floats may have stopped one step short
-            due += STEP_S
+        due = now + until_step(now, STEP_S)
         self._timer = loop.call_at(due, self._look, loop, due)
 
     def _look(self, loop: asyncio.AbstractEventLoop, due: float) -> None:

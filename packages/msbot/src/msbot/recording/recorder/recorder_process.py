@@ -21,7 +21,7 @@ from typing import Any, Final
 from msbot.recording.recorder.batch import OWN_TOPICS
 from msbot.recording.recorder.recorder import Recorder
 from msbot.recording.recorder.recording_file import RingLimits
-from msbot_agent.process.timer_grid import first_time
+from msbot_agent.process.timer_grid import until_step
 from msbot_xrce.lazy import dataclass
 
 DRAIN_S: Final = 0.2
@@ -298,9 +298,8 @@ async def run_recorder(process: RecorderProcess) -> None:
     try:
         await asyncio.shield(starting)
         loop = asyncio.get_running_loop()
-        await asyncio.sleep(first_time(loop) - loop.time())  # from here on in turns that come anyway
         while True:
-            await asyncio.sleep(DRAIN_S)
+            await asyncio.sleep(until_step(loop.time(), DRAIN_S))
             process.hand_over()
     finally:
         await starting  # what was heard until then is written all the same
