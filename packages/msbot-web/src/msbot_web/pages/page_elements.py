@@ -10,6 +10,7 @@ from nicegui.events import UploadEventArguments
 
 from msbot_web.access.access_middleware import CSRF_HEADER
 from msbot_web.html import Markup, render
+from msbot_web.nicegui_internals.removed_routes import forget_functions
 
 if TYPE_CHECKING:
     from msbot_web.pages.page import Page
@@ -114,6 +115,7 @@ def file_button(
             type="negative",
         ),
     ).classes("hidden")
+    ui.context.client.on_delete(forget_functions)
     upload.props["headers"] = [{"name": CSRF_HEADER, "value": page.session.csrf}]
     if ending:
         upload.props(f"accept={ending}")
