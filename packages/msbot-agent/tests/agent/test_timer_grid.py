@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import os
 import socket
 import time
@@ -13,6 +14,7 @@ import pytest
 from msbot_agent.process.end_signals import run_to_end
 from msbot_agent.process.timer_grid import (
     EARLY_S,
+    MOST_IN_TURN,
     MOST_READ,
     STEPS,
     TimerGridLoop,
@@ -111,3 +113,56 @@ def test_any_other_loop_begins_circles_at_once() -> None:
         assert before <= first_time(loop) <= loop.time()
 
     run_to_end(main())
+
+
+def test_what_comes_in_waits_for_a_few_timers_and_not_for_all() -> None:
+    async def main() -> list[str]:
+        loop, called = asyncio.get_running_loop(), list[str]()
+
+        def timer() -> None:
+            called.append("timer")
+            if len(called) == 1:
+                loop.call_soon(called.append, "STOP")
+
+        at = loop.time() + 0.05
+        for _ in range(10 * MOST_IN_TURN):
+            loop.call_at(at, timer)
+        await asyncio.sleep(0.3)
+        return called
+
+    called = run_to_end(main(), TimerGridLoop)
+    assert len(called) == 10 * MOST_IN_TURN + 1
+    assert called.index("STOP") <= 2 * MOST_IN_TURN
+
+
+def test_timers_of_a_point_are_called_once_in_their_order_and_those_cancelled_not_at_all() -> None:
+    async def main() -> list[object]:
+        loop, called = asyncio.get_running_loop(), list[object]()
+        loop.set_exception_handler(lambda _, context: called.append(type(context["exception"])))
+        at = loop.time() + 0.02
+        later = list[asyncio.TimerHandle]()
+        loop.call_at(at, lambda: later[0].cancel())
+        first = loop.call_at(at, called.append, 1)
+        loop.call_at(at, called.append, 2)
+        loop.call_at(at, lambda: 1 / 0)
+        loop.call_at(at, called.append, 4)
+        later.append(loop.call_at(at, called.append, 5))
+        first.cancel()
+        first.cancel()
+        await asyncio.sleep(0.1)
+        later[0].cancel()
+        return called
+
+    assert run_to_end(main(), TimerGridLoop) == [2, ZeroDivisionError, 4]
+
+
+def test_timers_that_are_cancelled_leave_nothing() -> None:
+    async def main() -> None:
+        loop = asyncio.get_running_loop()
+        for number in range(1000):
+            loop.call_later(60 + number / 10, print).cancel()
+            with contextlib.suppress(TimeoutError):
+                await asyncio.wait_for(asyncio.sleep(0), 60 + number / 10)
+        assert not vars(loop)["_points"]
+
+    run_to_end(main(), TimerGridLoop)

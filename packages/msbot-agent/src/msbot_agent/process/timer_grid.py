@@ -3,6 +3,9 @@
 A robot's process has hundreds of timers: beats, samples of simulated parts, looks of pages. Each wakes the process by
 itself, and a process that has just been woken is slow. Here a timer that is far away comes at the next point of a grid,
 the same one for all; periods that are multiples of the grid's step keep their length. A near timer is exact.
+
+asyncio is asked for one timer for each point of the grid. The callbacks of a point are called a few in each turn of the
+loop: what comes in, such as STOP, waits for a few of them, not for all.
 """
 
 from __future__ import annotations
@@ -11,6 +14,7 @@ import asyncio
 import math
 from collections.abc import Callable
 from contextvars import Context
+from itertools import islice
 from typing import Final, TypeVarTuple
 
 from msbot_agent.process.direct_loop import DirectLoop
@@ -24,6 +28,8 @@ MOST_READ: Final = 0x10000
 the kernel for memory, gives most of it back at once, and the rest after the message."""
 LONGEST_PAUSE_S: Final = 0.002
 """A robot's messages may come so much later where that spares turns of the loop (`Gathering`)."""
+MOST_IN_TURN: Final = 16
+"""Callbacks of one point of the grid that are called in one turn of the loop."""
 _ROUNDING: Final = 1e-6
 """Part of a step that a time on the grid may be off."""
 
@@ -67,10 +73,70 @@ def rounds_timers(loop: asyncio.AbstractEventLoop) -> bool:
     return isinstance(loop, TimerGridLoop)
 
 
+class _Timer(asyncio.TimerHandle):
+    """One of the timers of a point of the grid."""
+
+    __slots__ = ("point",)
+    point: _Point
+
+    def cancel(self) -> None:
+        """As in every loop."""
+        if not self.cancelled():
+            super().cancel()
+            self.point.forget(self)
+
+    def call(self) -> None:
+        """Call it; an error goes to the loop's handler, as from every handle."""
+        self._run()
+
+
+class _Point:
+    """The timers of one point of the grid.
+
+    Args:
+        begun: called when its time has come, or when nothing waits for it any more.
+    """
+
+    __slots__ = ("_alarm", "_begun", "_loop", "_timers", "_when")
+
+    def __init__(self, loop: TimerGridLoop, when: float, begun: Callable[[float], object]) -> None:
+        self._loop, self._when, self._begun = loop, when, begun
+        self._timers: dict[int, _Timer] = {}
+        self._alarm: asyncio.TimerHandle | None = loop.call_exactly_at(when, self._begin)
+
+    def add(self, timer: _Timer) -> None:
+        """One more."""
+        timer.point = self
+        self._timers[id(timer)] = timer
+
+    def forget(self, timer: _Timer) -> None:
+        """It was cancelled."""
+        self._timers.pop(id(timer), None)
+        if not self._timers and self._alarm is not None:
+            self._alarm.cancel()
+            self._alarm = None
+            self._begun(self._when)
+
+    def _begin(self) -> None:
+        self._alarm = None
+        self._begun(self._when)
+        self._go_on()
+
+    def _go_on(self) -> None:
+        timers = self._timers
+        for number in list(islice(timers, MOST_IN_TURN)):
+            timer = timers.pop(number, None)  # one of those before it may have cancelled it
+            if timer is not None:
+                timer.call()
+        if timers:
+            self._loop.call_soon(self._go_on)
+
+
 class TimerGridLoop(DirectLoop):
     """See the module's docstring."""
 
     def __init__(self) -> None:
+        self._points: dict[float, _Point] = {}
         super().__init__(LONGEST_PAUSE_S)
 
     def _make_socket_transport(self, *args: object, **settings: object) -> asyncio.Transport:
@@ -84,11 +150,24 @@ class TimerGridLoop(DirectLoop):
         self, when: float, callback: Callable[[*_Ts], object], *args: *_Ts, context: Context | None = None
     ) -> asyncio.TimerHandle:
         """Call it at that time of the loop's clock or at the next point of the grid; never too early."""
-        return super().call_at(on_grid(when - self.time(), when), callback, *args, context=context)
+        return self._put(on_grid(when - self.time(), when), callback, args, context)
 
     def call_later(
         self, delay: float, callback: Callable[[*_Ts], object], *args: *_Ts, context: Context | None = None
     ) -> asyncio.TimerHandle:
         """Call it after that time, at the point of the grid that is near."""
-        when = on_grid(delay, self.time() + delay, min(EARLY_S, delay / 10))
-        return super().call_at(when, callback, *args, context=context)
+        return self._put(on_grid(delay, self.time() + delay, min(EARLY_S, delay / 10)), callback, args, context)
+
+    def call_exactly_at(self, when: float, callback: Callable[[], object]) -> asyncio.TimerHandle:
+        """Call it at that time of the loop's clock."""
+        return super().call_at(when, callback)
+
+    def _put(
+        self, when: float, callback: Callable[[*_Ts], object], args: tuple[*_Ts], context: Context | None
+    ) -> asyncio.TimerHandle:
+        point = self._points.get(when)
+        if point is None:
+            point = self._points[when] = _Point(self, when, self._points.pop)
+        timer = _Timer(when, callback, args, self, context)
+        point.add(timer)
+        return timer
