@@ -141,7 +141,11 @@ def test_timers_of_a_point_are_called_once_in_their_order_and_those_cancelled_no
         loop.set_exception_handler(lambda _, context: called.append(type(context["exception"])))
         at = loop.time() + 0.02
         later = list[asyncio.TimerHandle]()
-        loop.call_at(at, lambda: later[0].cancel())
+
+        def cancel_one() -> None:
+            later[0].cancel()
+
+        loop.call_at(at, cancel_one)
         first = loop.call_at(at, called.append, 1)
         loop.call_at(at, called.append, 2)
         loop.call_at(at, lambda: 1 / 0)

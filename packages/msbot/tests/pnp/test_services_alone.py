@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from collections import deque
 from functools import partial
 
 import pytest
@@ -11,7 +12,7 @@ from msbot.part import Client, Entity
 from msbot.part.join import pnp_messages, thesis_messages
 from msbot.part.join.refusal import Refusal
 from msbot.pnp import Claim, Configuration, InventoryService, PartEvent, PartState
-from msbot.pnp.inventory_service import LONGEST_BEST_EFFORT, TOLD_IN_TURN
+from msbot.pnp.inventory_service import ANSWERED_S, LATEST_S, LONGEST_BEST_EFFORT, TOLD_IN_TURN
 from msbot.pnp.life_status import TRANSITIONS
 from msbot.pnp.refusal_help import help_message
 from msbot.process.virtual_time import run_virtual
@@ -206,7 +207,10 @@ def test_a_part_that_joins_while_stop_holds_hears_of_it_with_its_configuration()
     run_virtual(scene())
 
 
-def test_real_parts_are_told_of_stop_first_and_a_crowd_of_simulated_ones_a_few_in_each_turn() -> None:
+@pytest.mark.parametrize("is_stored", [True, False])
+def test_real_parts_are_told_of_stop_first_and_a_crowd_of_simulated_ones_after_the_answer(
+    is_stored: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
     async def scene() -> None:
         desk = Desk(explain=True)
         crowd = range(10, 10 + 3 * TOLD_IN_TURN - 1)
@@ -220,24 +224,30 @@ def test_real_parts_are_told_of_stop_first_and_a_crowd_of_simulated_ones_a_few_i
             assert desk.rig.inventory.is_simulated(key)
         desk.join(1, "ABCD")  # it comes last
         assert not desk.rig.inventory.is_simulated(1)
+        tell, in_turns = desk.service._tell_some, list[int]()
+
+        def tell_some(kind: pnp_messages.NoticeKind, keys: deque[int]) -> None:
+            before = len(keys)
+            tell(kind, keys)
+            in_turns.append(before - len(keys))
+
+        monkeypatch.setattr(desk.service, "_tell_some", tell_some)
         desk.service.stop_all("ann", "", 0)
-        in_turns = []
-        while said := desk.said():
-            in_turns.append(said)
-            await asyncio.sleep(0)
-        assert [[key for key, *_ in said] for said in in_turns] == [
-            [1, *crowd[:TOLD_IN_TURN]],
-            [*crowd[TOLD_IN_TURN : 2 * TOLD_IN_TURN]],
-            [*crowd[2 * TOLD_IN_TURN :]],
-        ]
-        assert [one for said in in_turns for one in said] == [
-            unasked(key, pnp_messages.NoticeKind.STOP, 1) for key in (1, *crowd)
-        ]
+        told = desk.said()
+        assert [key for key, *_ in told] == [1, *crowd[:TOLD_IN_TURN]]
+        if is_stored:
+            desk.service.stop_was_stored()
+        wait_s = ANSWERED_S if is_stored else LATEST_S
+        await asyncio.sleep(0.9 * wait_s)
+        assert not desk.said()
+        await asyncio.sleep(0.11 * wait_s)
+        told += desk.said()
+        assert told == [unasked(key, pnp_messages.NoticeKind.STOP, 1) for key in (1, *crowd)]
+        assert in_turns == [TOLD_IN_TURN, TOLD_IN_TURN, TOLD_IN_TURN - 1]
 
         desk.service.stop_all("ann", "", 0)
         desk.service.go_all("ann")  # in the same turn: who has not heard of STOP yet must not hear of it later
-        for _ in in_turns:
-            await asyncio.sleep(0)
+        await asyncio.sleep(2 * LATEST_S)
         last = {said[0]: said for said in desk.said()}
         assert last == {key: unasked(key, pnp_messages.NoticeKind.GO, 1) for key in (1, *crowd)}
 

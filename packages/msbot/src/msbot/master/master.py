@@ -430,6 +430,7 @@ class Master:
         self._kept, self._stop_trouble = record, trouble
         if not self._stop.record.is_newer_than(record):
             self._stop_is_stored.set()
+            self._inventory.stop_was_stored()
 
     def on_stop(self, listener: Callable[[StopStatus], object]) -> None:
         """Call the listener after every GO, and every STOP that tells something new: not when a person repeats it."""

@@ -55,7 +55,9 @@ _NOBODYS_REQUEST = bytes(8)
 GO_TIMES = 3
 """GO is repeated with this many answers to beats, in case one is lost; STOP with every one until the part confirms."""
 TOLD_IN_TURN = 10
-"""Simulated parts that are told of STOP or GO in one turn of the loop."""
+"""Simulated parts that are told of STOP or GO in one turn of the loop; the first ones at once."""
+ANSWERED_S, LATEST_S = 0.01, 0.1
+"""The others are told so long after STOP was stored, but not later than so long after it was said, seconds."""
 
 _COMPACT = ServiceNames(
     pnp_messages.INVENTORY_SERVICE, pnp_messages.INVENTORY_REQUEST_TYPE, pnp_messages.INVENTORY_REPLY_TYPE
@@ -120,8 +122,10 @@ class InventoryService:
         """Client key -> the lease that it was last told."""
         self._go_again: dict[int, int] = {}
         """Client key -> how many more times it is told that STOP is over."""
-        self._to_tell: deque[int] = deque()
-        """Simulated parts that are still to be told of STOP or GO."""
+        self._to_tell: tuple[pnp_messages.NoticeKind, deque[int]] = pnp_messages.NoticeKind.GO, deque()
+        """What simulated parts are still to be told, and which."""
+        self._rest: asyncio.TimerHandle | None = None
+        """When the first ten of them were told: the others wait for this."""
         self._awake_at = 0.0
         """When the inventory's timer is next checked."""
         self._look = asyncio.Event()
@@ -363,25 +367,42 @@ class InventoryService:
         if elsewhere is not None:
             in_any_case(elsewhere.tell_stop)  # one message for all parts of an agent
         here = [key for key in self._askers if elsewhere is None or not elsewhere.has(key)]
-        self._to_tell = simulated = deque(filter(self._inventory.is_simulated, here))
+        simulated = deque(filter(self._inventory.is_simulated, here))
+        self._to_tell = kind, simulated
         later = frozenset(simulated)
         for client_key in here:
             if client_key not in later:
                 in_any_case(self._notify, client_key, kind, self.stop.stop_number)
         self._tell_some(kind, simulated)
+        if simulated:
+            self._tell_rest_after(LATEST_S)
 
-    def _tell_some(self, kind: pnp_messages.NoticeKind, keys: deque[int]) -> None:
+    def stop_was_stored(self) -> None:
+        """STOP or GO is stored, and whoever said it is answered in a moment: the other simulated parts come then."""
+        if self._rest is not None:
+            self._tell_rest_after(ANSWERED_S)
+
+    def _tell_rest_after(self, seconds: float) -> None:
+        if self._rest is not None:
+            self._rest.cancel()
+        self._rest = asyncio.get_running_loop().call_later(seconds, self._tell_rest, *self._to_tell)
+
+    def _tell_rest(self, kind: pnp_messages.NoticeKind, keys: deque[int]) -> None:
         """Tell simulated parts, a few in each turn of the loop, unless all are told something newer by now.
 
         In a class there are many, and all answer at once: what real parts do, and the answer to whoever has said STOP,
         do not wait for them.
         """
-        if keys is not self._to_tell:
+        self._rest = None
+        if keys is not self._to_tell[1]:
             return
+        self._tell_some(kind, keys)
+        if keys:
+            asyncio.get_running_loop().call_soon(self._tell_rest, kind, keys)
+
+    def _tell_some(self, kind: pnp_messages.NoticeKind, keys: deque[int]) -> None:
         for _ in range(min(TOLD_IN_TURN, len(keys))):
             in_any_case(self._notify, keys.popleft(), kind, self.stop.stop_number)
-        if keys:
-            asyncio.get_running_loop().call_soon(self._tell_some, kind, keys)
 
     def _notify(
         self, client_key: int, kind: pnp_messages.NoticeKind, number: int = 0, binding: int = pnp_messages.NO_BINDING
