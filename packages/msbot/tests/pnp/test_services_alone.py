@@ -226,9 +226,9 @@ def test_real_parts_are_told_of_stop_first_and_a_crowd_of_simulated_ones_after_t
         assert not desk.rig.inventory.is_simulated(1)
         tell, in_turns = desk.service._tell_some, list[int]()
 
-        def tell_some(kind: pnp_messages.NoticeKind, keys: deque[int]) -> None:
+        def tell_some(notice: pnp_messages.Notice, keys: deque[int]) -> None:
             before = len(keys)
-            tell(kind, keys)
+            tell(notice, keys)
             in_turns.append(before - len(keys))
 
         monkeypatch.setattr(desk.service, "_tell_some", tell_some)

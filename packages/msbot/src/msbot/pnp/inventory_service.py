@@ -65,6 +65,12 @@ _COMPACT = ServiceNames(
 _COMPAT = ServiceNames(thesis_messages.SERVICE, thesis_messages.REQUEST_TYPE, thesis_messages.REPLY_TYPE)
 
 
+def _notice(
+    kind: pnp_messages.NoticeKind, number: int = 0, binding: int = pnp_messages.NO_BINDING
+) -> pnp_messages.Notice:
+    return pnp_messages.Notice(number=number & 0xFFFFFFFF, binding=binding, kind=kind)
+
+
 class RemoteParts(Protocol):
     """Parts at agents elsewhere; `remote_agents.MasterSide` provides it."""
 
@@ -122,7 +128,7 @@ class InventoryService:
         """Client key -> the lease that it was last told."""
         self._go_again: dict[int, int] = {}
         """Client key -> how many more times it is told that STOP is over."""
-        self._to_tell: tuple[pnp_messages.NoticeKind, deque[int]] = pnp_messages.NoticeKind.GO, deque()
+        self._to_tell: tuple[pnp_messages.Notice, deque[int]] = _notice(pnp_messages.NoticeKind.GO), deque()
         """What simulated parts are still to be told, and which."""
         self._rest: asyncio.TimerHandle | None = None
         """When the first ten of them were told: the others wait for this."""
@@ -368,12 +374,13 @@ class InventoryService:
             in_any_case(elsewhere.tell_stop)  # one message for all parts of an agent
         here = [key for key in self._askers if elsewhere is None or not elsewhere.has(key)]
         simulated = deque(filter(self._inventory.is_simulated, here))
-        self._to_tell = kind, simulated
+        notice = _notice(kind, self.stop.stop_number)
+        self._to_tell = notice, simulated
         later = frozenset(simulated)
         for client_key in here:
             if client_key not in later:
-                in_any_case(self._notify, client_key, kind, self.stop.stop_number)
-        self._tell_some(kind, simulated)
+                in_any_case(self._tell, client_key, notice)
+        self._tell_some(notice, simulated)
         if simulated:
             self._tell_rest_after(LATEST_S)
 
@@ -387,7 +394,7 @@ class InventoryService:
             self._rest.cancel()
         self._rest = asyncio.get_running_loop().call_later(seconds, self._tell_rest, *self._to_tell)
 
-    def _tell_rest(self, kind: pnp_messages.NoticeKind, keys: deque[int]) -> None:
+    def _tell_rest(self, notice: pnp_messages.Notice, keys: deque[int]) -> None:
         """Tell simulated parts, a few in each turn of the loop, unless all are told something newer by now.
 
         In a class there are many, and all answer at once: what real parts do, and the answer to whoever has said STOP,
@@ -396,18 +403,18 @@ class InventoryService:
         self._rest = None
         if keys is not self._to_tell[1]:
             return
-        self._tell_some(kind, keys)
+        self._tell_some(notice, keys)
         if keys:
-            asyncio.get_running_loop().call_soon(self._tell_rest, kind, keys)
+            asyncio.get_running_loop().call_soon(self._tell_rest, notice, keys)
 
-    def _tell_some(self, kind: pnp_messages.NoticeKind, keys: deque[int]) -> None:
+    def _tell_some(self, notice: pnp_messages.Notice, keys: deque[int]) -> None:
         for _ in range(min(TOLD_IN_TURN, len(keys))):
-            in_any_case(self._notify, keys.popleft(), kind, self.stop.stop_number)
+            in_any_case(self._tell, keys.popleft(), notice)
 
     def _notify(
         self, client_key: int, kind: pnp_messages.NoticeKind, number: int = 0, binding: int = pnp_messages.NO_BINDING
     ) -> bool:
-        return self._tell(client_key, pnp_messages.Notice(number=number & 0xFFFFFFFF, binding=binding, kind=kind))
+        return self._tell(client_key, _notice(kind, number, binding))
 
     def _tell(self, client_key: int, message: pnp_messages.Reply) -> bool:
         asker = self._askers.get(client_key)
