@@ -257,6 +257,7 @@ class LiveChannel:
         """By the number of the page."""
         self._views: dict[Hashable, LiveView] = {}
         self._is_nudged = False
+        self._has_viewers = asyncio.Event()
         self._busy_s = 0.0
         """How long it has worked since all pages were looked after."""
         self.looks = 0
@@ -274,10 +275,13 @@ class LiveChannel:
     def add(self, number: str, page: LivePage) -> None:
         """Look after an open page from now on; `number` is NiceGUI's."""
         self._viewers[number] = _Viewer(page)
+        self._has_viewers.set()
 
     def remove(self, number: str) -> None:
         """The page was closed."""
         viewer = self._viewers.pop(number, None)
+        if not self._viewers:
+            self._has_viewers.clear()
         if viewer is not None:
             self._show(viewer, None)
             if viewer.line is not None:
@@ -334,10 +338,13 @@ class LiveChannel:
     # Sending
 
     async def run(self) -> None:
-        """Send and refresh until cancelled."""
+        """Send and refresh until cancelled; nothing is done while no page is open."""
         time, pace = asyncio.get_running_loop().time, _Pace()
         due = time() + LOOK_S
         while True:
+            if not self._viewers:
+                await self._has_viewers.wait()
+                due = time() + LOOK_S
             await self._wait_until(due, may_be_quick=pace.pause_s <= LOOK_S)
             late_s = time() - due
             await self._look_after_pages()
