@@ -93,6 +93,22 @@ class EditKind(Enum):
     CLASS = "class"
 
 
+NOTED = frozenset(
+    kind.value
+    for kind in (
+        EditKind.STOP,
+        EditKind.GO,
+        EditKind.WINDOW,
+        EditKind.HAND,
+        EditKind.RESTORE,
+        EditKind.FAULT,
+        EditKind.MISSION,
+        EditKind.LESSON,
+        EditKind.CLASS,
+    )
+)
+"""The kinds of lines that change nothing in the database: who only said or did something."""
+
 UNDOABLE = frozenset(
     kind.value for kind in (EditKind.VALUE, EditKind.PLACE, EditKind.BLOCK, EditKind.BIND, EditKind.APPLY)
 )

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from pathlib import Path
 from threading import Event, Thread, current_thread
+from time import sleep
 
 import pytest
 from sqlalchemy import event
@@ -10,6 +11,7 @@ from sqlalchemy import event
 from msbot.config import Blueprint, Library
 from msbot.pnp import PartState, PartStore
 from msbot.registry import Registry, RobotStore, open_registry
+from msbot.registry.records import NOTED, EditKind
 from msbot.registry.running import robot_store
 from msbot.registry.running.robot_memory import read_memory
 from msbot_xrce.errors import RegistryError
@@ -93,6 +95,30 @@ def test_what_another_process_changes_is_seen_soon(
     while (store.blocked(UID, "ABCD"), store.key_of(UID)) != ("stolen", bytes(16)):
         assert news.wait(20)
         news.clear()
+
+
+def test_lines_of_what_people_only_did_are_no_news_and_hide_no_change(
+    registry: Registry, store: RobotStore, path: Path
+) -> None:
+    news = Event()
+    registry.runs.on_news(store.robot, news.set)
+    for kind in NOTED:
+        registry.edits.note(store.robot, EditKind(kind), "somebody did it", "Ann")
+    newest = registry.edits.latest(store.robot, 1)[0].id
+    assert store.newest_edit < newest
+    for _ in range(400):
+        if store.newest_edit == newest:
+            break
+        sleep(0.05)
+    assert store.newest_edit == newest
+    assert not news.is_set()
+    with open_registry(path) as other:
+        robot = other.robots.all()[0]
+        Hand(other).block(robot, "number", "ABCD", "stolen", "Ann")
+        other.edits.note(robot, EditKind.STOP, "STOP", "Ann")
+        other.storage.flush()
+    assert news.wait(20)
+    assert store.blocked(UID, "ABCD") == "stolen"
 
 
 def test_sessions_that_never_say_what_they_are_are_counted_and_not_journalled(

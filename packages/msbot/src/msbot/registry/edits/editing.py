@@ -10,7 +10,7 @@ from sqlalchemy import Connection
 
 from msbot.registry.database.storage import Storage
 from msbot.registry.edits.edit_log import Author, read_edits, record, reword
-from msbot.registry.records import EditKind, EditRecord, RobotRecord
+from msbot.registry.records import NOTED, EditKind, EditRecord, RobotRecord
 
 Making = Callable[[Connection, Author], EditRecord]
 """Makes a change and records it: `places.swap`, `slot_values.set_value` and so on, with their arguments bound."""
@@ -54,7 +54,15 @@ class Edits:
         return lambda connection: making(connection, author)
 
     def note(self, robot: RobotRecord, kind: EditKind, words: str, who: str) -> NotedLine:
-        """Record something a person did that changed nothing in the database, as soon as it can be stored."""
+        """Record something a person did that changed nothing in the database, as soon as it can be stored.
+
+        Args:
+            robot: at which robot.
+            kind: one of `NOTED`.
+            words: what it was.
+            who: who did it.
+        """
+        assert kind.value in NOTED
         making = self._by(robot, who, partial(record, kind=kind, words=words))
         line = NotedLine()
 

@@ -19,7 +19,7 @@ from msbot.registry.database.statements import list_slots, read_part_types
 from msbot.registry.database.tables import blocks, edits, keys, robots
 from msbot.registry.edits import part_places
 from msbot.registry.edits.users import list_users
-from msbot.registry.records import UserRecord
+from msbot.registry.records import NOTED, UserRecord
 from msbot_xrce.lazy import dataclass
 
 # The latest STOP of a robot, as its database stores it.
@@ -68,6 +68,12 @@ _NEWEST_EDIT = select(func.max(edits.c.id))
 def read_newest_edit(connection: Connection) -> int:
     """Number of the newest change in the database; 0: there was none."""
     return int(connection.execute(_NEWEST_EDIT).scalar() or 0)
+
+
+def has_changed(connection: Connection, after: int) -> bool:
+    """Whether one of the lines after that number changed something in the database."""
+    query = select(edits.c.id).where(edits.c.id > after, edits.c.kind.not_in(NOTED)).limit(1)
+    return connection.execute(query).first() is not None
 
 
 def read_memory(connection: Connection, robot_id: int) -> StoredRobotSnapshot:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 from threading import Lock
 
@@ -109,6 +110,11 @@ class RobotStore:
     def stored(self) -> int:
         """How many memories of parts the database has stored; for `use`."""
         return self._stored
+
+    def skip_to(self, newest_edit: int) -> None:
+        """Note that the lines up to this one changed nothing."""
+        with self._lock:
+            self._memory = replace(self._memory, newest_edit=newest_edit)
 
     def load(self, memory: StoredRobotSnapshot, stored: int) -> None:
         """Take over the present content of the database.

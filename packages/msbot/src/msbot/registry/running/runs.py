@@ -15,7 +15,7 @@ from msbot.registry.database.storage import Storage
 from msbot.registry.records import RobotRecord
 from msbot.registry.running import run_lock
 from msbot.registry.running.master_lease import MasterLease, wait_for_lease
-from msbot.registry.running.robot_memory import StoredRobotSnapshot, read_memory, read_newest_edit
+from msbot.registry.running.robot_memory import StoredRobotSnapshot, has_changed, read_memory, read_newest_edit
 from msbot.registry.running.robot_store import JOURNAL_ROWS, STRANGERS, STRANGERS_ROWS, RobotStore, StoredNodeIds
 from msbot_xrce.errors import RegistryError
 
@@ -165,7 +165,9 @@ class Runs:
             self._keep(robot_id, one.robot)
         newest = read_newest_edit(connection)
         for one in [*self._stores.values()]:
-            if newest != one.newest_edit:
+            if one.newest_edit < newest and not has_changed(connection, one.newest_edit):
+                one.skip_to(newest)
+            elif newest != one.newest_edit:
                 stored = one.stored
                 one.load(read_memory(connection, one.robot.id), stored)
                 one.tell_news()
