@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import json
 import math
+from array import array
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from enum import IntEnum
-from itertools import islice, takewhile
+from itertools import takewhile
 
 from msbot.part import Message
 from msbot.part.messages.message import fields_of
@@ -24,7 +25,9 @@ HISTORY_S = 300.0
 MOST_KEPT = 30_000
 """Values kept of one topic: five minutes at 100 a second; of a quicker one, the newest."""
 MOST_KEPT_IN_ALL = 200_000
-"""Shared by all topics: some 30 MB."""
+"""Shared by all topics: some 5 MB."""
+IN_BLOCK = 64
+"""Samples that are kept together, and forgotten together."""
 COUNT_STEP_S = 0.1
 """The rate is worked out from a count in this time at most."""
 SPARK_S, SPARK_POINTS = 60.0, 40
@@ -43,24 +46,74 @@ ClassOf = Callable[[str], type[Message] | None]
 """The message class of a type name, or None when nobody here knows it."""
 
 
+class _Block:
+    """A few samples one behind the other: an object for each would take six times the memory."""
+
+    __slots__ = ("ends", "octets", "times")
+
+    def __init__(self) -> None:
+        self.times = array("d")
+        self.ends = array("I")
+        """Where each ends in `octets`."""
+        self.octets = bytearray()
+
+    def since(self, first: int) -> Iterator[tuple[float, bytes]]:
+        """(time, octets) from that one on."""
+        begin = self.ends[first - 1] if first else 0
+        for at, end in zip(self.times[first:], self.ends[first:], strict=True):
+            yield at, bytes(self.octets[begin:end])
+            begin = end
+
+
 class _SampleHistory:
-    """The newest samples, and how many there were in all."""
+    """The newest samples, and how many there were in all.
+
+    Args:
+        most: how many are kept.
+    """
 
     def __init__(self, most: int) -> None:
-        self.samples: deque[tuple[float, bytes]] = deque(maxlen=most)
-        """(time, octets), oldest first."""
         self.total = 0
+        self._most = most
+        self._kept = 0
+        self._blocks = deque([_Block()])
 
     def add(self, at: float, octets: bytes) -> None:
         """Take one more."""
         self.total += 1
-        self.samples.append((at, octets))
+        self._kept += 1
+        block = self._blocks[-1]
+        if len(block.times) == IN_BLOCK:
+            block = _Block()
+            self._blocks.append(block)
+            self.keep_at_most(self._most)
+        block.times.append(at)
+        block.octets += octets
+        block.ends.append(len(block.octets))
+
+    def keep_at_most(self, most: int) -> None:
+        """Keep this many from now on."""
+        self._most = most
+        while self._kept - IN_BLOCK >= most:
+            self._forget()
+
+    def forget_until(self, at: float) -> None:
+        """Forget what came before that time, as far as whole blocks did."""
+        while len(self._blocks) > 1 and self._blocks[0].times[-1] < at:
+            self._forget()
+
+    def _forget(self) -> None:
+        self._kept -= len(self._blocks.popleft().times)
 
     def after(self, number: int) -> list[tuple[float, bytes]]:
         """Those that came after the one with that number, oldest first, as far as they are kept."""
-        newer = list(islice(reversed(self.samples), min(self.total - number, len(self.samples))))
-        newer.reverse()
-        return newer
+        wanted, parts = min(self.total - number, self._kept, self._most), list[list[tuple[float, bytes]]]()
+        for block in reversed(self._blocks):
+            if wanted <= 0:
+                break
+            parts.append(list(block.since(max(0, len(block.times) - wanted))))
+            wanted -= len(block.times)
+        return [one for part in reversed(parts) for one in part]
 
 
 class TopicWatch:
@@ -98,9 +151,7 @@ class TopicWatch:
             self.period_s = step_s if not self.period_s else self.period_s + (step_s - self.period_s) / 8
         self.at, self.payload = now, sample.payload
         self.kept.add(now, sample.payload)
-        samples = self.kept.samples
-        while now - samples[0][0] > HISTORY_S:
-            samples.popleft()
+        self.kept.forget_until(now - HISTORY_S)
         if now - self._sparked_at >= SPARK_S / SPARK_POINTS:
             self._sparked_at = now
             self.sparks.add(now, sample.payload)
@@ -110,8 +161,7 @@ class TopicWatch:
 
     def keep_at_most(self, most: int) -> None:
         """Keep this many values from now on."""
-        if self.kept.samples.maxlen != most:
-            self.kept.samples = deque(self.kept.samples, maxlen=most)
+        self.kept.keep_at_most(most)
 
     def rate_hz(self, now: float) -> float:
         """Samples a second, over the last few seconds."""

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from msbot.part import HelloWorld, Message
 from msbot.part.messages.wire_types import float64
 from msbot_agent.space import MemorySpace, Qos, Topic, Writer
-from msbot_web.live_values import LONGEST_TEXT, MOST_KEPT_IN_ALL, SPARK_POINTS, LiveValues
+from msbot_web.live_values import LONGEST_TEXT, MOST_KEPT_IN_ALL, SPARK_POINTS, LiveValues, _SampleHistory
 from msbot_web.recorded_snapshot import spark_of
 from msbot_web.svg.drawings import draw
 from tests.web.access.test_accounts import Clock
@@ -256,3 +256,29 @@ def test_any_octets_on_a_topic_are_shown(octets: bytes) -> None:
     for value in fields.values():
         assert isinstance(value, bool | int | float | str)
         assert not isinstance(value, float) or math.isfinite(value)
+
+
+@given(
+    st.lists(st.one_of(st.binary(max_size=9), st.integers(1, 300), st.floats(0, 90)), max_size=400),
+    st.integers(0, 400),
+)
+def test_the_newest_samples_are_kept_whatever_comes(acts: list[bytes | int | float], after: int) -> None:
+    history, everything, most = _SampleHistory(200), list[tuple[float, bytes]](), 200
+    least = 0
+    """So many are kept at least."""
+    for number, act in enumerate(acts):
+        if isinstance(act, bytes):
+            for copy in range(3):
+                everything.append((float(number), act * copy))
+                history.add(*everything[-1])
+                least = min(least + 1, most)
+        elif isinstance(act, int):
+            history.keep_at_most(act)
+            most, least = act, min(least, act)
+        else:
+            history.forget_until(number - act)
+            least = min(least, sum(at >= number - act for at, _ in everything))
+        assert history.total == len(everything)
+        found = history.after(history.total - after)
+        assert min(after, least) <= len(found) <= min(after, most)
+        assert found == everything[len(everything) - len(found) :]
