@@ -25,11 +25,10 @@ class InprocHub:
 
     Args:
         name: what it is called, where links are shown.
-        mtu: largest packet in bytes.
     """
 
-    def __init__(self, name: str = "inproc", mtu: int = INPROC_MTU) -> None:
-        self.info = LinkInfo(name, mtu, sparse_acknacks=True)
+    def __init__(self, name: str = "inproc") -> None:
+        self.info = LinkInfo(name, INPROC_MTU, sparse_acknacks=True)
         """What both ends say of it."""
         self._open: dict[Peer, InprocEnd] = {}
         self._clients = 0
