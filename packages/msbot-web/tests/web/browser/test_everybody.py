@@ -15,7 +15,7 @@ from playwright.sync_api import Browser, Page, expect
 
 from tests.effort import THOROUGH
 from tests.web.browser.accessible import COLOURS, hurdles, hurdles_by_day_and_night
-from tests.web.browser.conftest import Site, call, go, new_page
+from tests.web.browser.conftest import Site, again_until, call, go, new_page
 from tests.web.browser.test_demo_pages import FITS
 
 PASSWORD = "long enough 1"
@@ -214,8 +214,11 @@ def test_the_focus_stays_with_the_person(visitors: Mapping[str, Page], demo: Sit
     page.get_by_role("button", name="Open slot fan").press("Enter")
     expect(page.get_by_role("dialog")).to_be_visible()
     page.evaluate("document.querySelector('.ms-cards').remove()")
-    page.get_by_role("dialog").get_by_role("button", name="Close").press("Enter")  # Escape twice would be STOP
-    expect(page.get_by_role("dialog")).to_have_count(0)
+    dialog = page.get_by_role("dialog")
+    again_until(
+        lambda: dialog.get_by_role("button", name="Close").press("Enter"),  # Escape twice would be STOP
+        lambda patience_ms: expect(dialog).to_have_count(0, timeout=patience_ms),
+    )
     page.wait_for_function("document.activeElement !== document.body")
     # What is pressed and then greyed out, or taken away.
     go(page, f"{demo.base}/faults")
