@@ -64,3 +64,28 @@ def test_who_acknowledges_nothing_is_sent_ever_fewer_heartbeats() -> None:
     assert len(heartbeats) >= 20, "a client that is merely slow is asked five times a second"
     assert len(second) <= 50
     assert 100 <= len(later) <= 200, "one that comes again later is still told, every few seconds"
+
+
+@pytest.mark.promise("A flood neither keeps parts out nor makes active ones late")
+def test_nobody_is_asked_again_while_the_answer_may_lie_unread_in_the_socket() -> None:
+    async def scenario() -> None:
+        agent = Agent(MemorySpace(), settings=AgentSettings(dead_after_s=math.inf))
+        async with serving(agent, FakeLink(keeps_order=False)) as link:
+            clock = asyncio.get_running_loop().time
+            link.inject(LOGIN)
+            link.inject(ANSWERED)
+            link.inject(MISSING)
+            await asyncio.sleep(0)
+            link.take_sent()
+            for _ in range(40):
+                link.unread_at = clock()
+                await asyncio.sleep(0.01)
+            assert link.take_sent() == []
+            await asyncio.sleep(0.3)
+            assert len(link.take_sent()) >= 2, "a HEARTBEAT and a report"
+            for _ in range(500):
+                link.unread_at = clock()
+                await asyncio.sleep(0.01)
+            assert 4 <= len(link.take_sent()) <= 20, "a link that stays behind does not silence the agent"
+
+    run_virtual(scenario())

@@ -58,6 +58,8 @@ class FakeLink(BaseLink):
         """Everything the agent sent, oldest first."""
         self.room: int | None = None
         """Packets that may still be sent; None = any number."""
+        self.unread_at = float("-inf")
+        """See `BacklogLink`."""
         self.failure: Exception | None = None
         """What `run` raises at once."""
         self._peers: dict[Peer, Callable[[bytes], None]] = {}

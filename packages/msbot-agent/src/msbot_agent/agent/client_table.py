@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from dataclasses import field
 
 from msbot_agent.agent.proxy import Proxy
-from msbot_agent.link import Link, Peer
+from msbot_agent.link import BacklogLink, Link, Peer
 from msbot_xrce.counting import Tally
 from msbot_xrce.lazy import dataclass
 from msbot_xrce.messages import SESSION_NONE
@@ -42,6 +42,8 @@ class ServedLink:
     """Clients with packets for which the link had no room, in the order in which that happened."""
     in_bursts: bool = False
     """Whether the link says when a burst of packets ends."""
+    backlog: BacklogLink | None = None
+    """The link, if it knows when it could not read all that had come."""
     opened: bool = False
     """Whether the link has carried anything or said that it is up."""
     outside: int = 0

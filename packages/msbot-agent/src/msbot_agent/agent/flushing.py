@@ -26,6 +26,12 @@ from msbot_xrce.errors import LinkDown, LinkFull
 # When to look at which client again: a heap without one asyncio timer per client.
 
 
+BEHIND_S = 0.05
+"""For so long after a link could not read all that had come, it may hold answers to what was asked before. To ask
+again, or to ask for acknowledgements, would make its queue longer still. So thousands of clients that come back at once
+are answered first.
+"""
+
 MOST_STALE = 256
 """Stale entries that are never thrown out before their time."""
 
@@ -274,6 +280,8 @@ class Flusher:
         try:
             for proxy in [*self._timers.pop_due(max(now, at))]:
                 when = proxy.timer()
+                if when is not None and when <= now and _is_behind(proxy, now):
+                    when = proxy.put_off_asking(now)
                 if when is not None and when <= now:
                     proxy.handle_timer(now)
                 elif when is not None:
@@ -296,3 +304,10 @@ class Flusher:
         else:
             why = said("{gone}, and did not come back", gone=proxy.gone)
         self._end_session(proxy, why)
+
+
+def _is_behind(proxy: Proxy, now: float) -> bool:
+    """Whether the answers of that client may lie unread in a socket."""
+    if proxy.place is None or (backlog := proxy.place[0].backlog) is None:
+        return False
+    return now - backlog.unread_at < BEHIND_S

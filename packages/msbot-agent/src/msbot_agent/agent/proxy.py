@@ -46,6 +46,9 @@ logger = logging.getLogger(__name__)
 _OK = Status.OK
 _DATA = (ObjectKind.DATAREADER.value, ObjectKind.DATAWRITER.value)
 
+PUT_OFF_S, LONGEST_PUT_OFF_S = 0.02, 0.5
+"""For so long at a time, and in all, a client is asked for nothing while its answer may lie unread in a socket."""
+
 
 class OpenSession(Protocol):
     """Opens the session that the client asked for."""
@@ -58,6 +61,7 @@ class Proxy:
 
     __slots__ = (
         "__weakref__",
+        "_asks_at",
         "_dead_after_s",
         "_endpoints",
         "_gate",
@@ -139,6 +143,7 @@ class Proxy:
         self._probes = 0
         self._opened_at = self._gone_at = now
         self._timed: dict[ReadSide, float] = {}
+        self._asks_at = 0.0  # until then the session asks for nothing
         self._turn = 0
         self.dropped = Tally()
         """What was not done for this client, by reason in words."""
@@ -176,14 +181,25 @@ class Proxy:
     def timer(self) -> float | None:
         """When to call `handle_timer`, or None."""
         when = self.session.timer()
+        if when is not None and when < self._asks_at:
+            when = self._asks_at
         if not self._timed:
             return when
         limit = min(self._timed.values())
         return limit if when is None or limit < when else when
 
+    def put_off_asking(self, now: float) -> float | None:
+        """Ask the client for nothing yet, because its answer may lie unread in a socket, unless that has been done for
+        long; returns when to call `handle_timer`."""
+        due = self.session.timer()
+        if due is not None and due <= now < due + LONGEST_PUT_OFF_S:
+            self._asks_at = now + PUT_OFF_S
+        return self.timer()
+
     def handle_timer(self, now: float) -> None:
         """Let the session resend what is due, and release samples that a byte rate or a pace held back."""
-        self.session.handle_timer(now)
+        if now >= self._asks_at:
+            self.session.handle_timer(now)
         for side in [side for side, when in self._timed.items() if when <= now]:
             del self._timed[side]
             side.pull()

@@ -28,7 +28,7 @@ from msbot_agent.agent.reply_routing import ReplyExchange
 from msbot_agent.agent.shared_state import SharedAgentState
 from msbot_agent.agent.stale_sessions import KeyConflicts, StaleSessionProbe, StrangerBudget
 from msbot_agent.agent.statistics import ClientView, Latency, SessionFaultCounts, TopicTable
-from msbot_agent.link import Link, Peer, Signal, Tap
+from msbot_agent.link import BacklogLink, Link, Peer, Signal, Tap
 from msbot_agent.link.relay import MARK, RelayGreeting
 from msbot_agent.space import Space
 from msbot_agent.text.sentence import said
@@ -147,6 +147,7 @@ class Agent:
 
     def _attach(self, port: ServedLink) -> None:
         port.in_bursts = port.link.info.in_bursts
+        port.backlog = port.link if isinstance(port.link, BacklogLink) else None
         port.link.attach(
             packet=partial(self._packet_received, port),
             signal=partial(self._signal_received, port),

@@ -9,6 +9,7 @@ from msbot_xrce.lazy import lazy_face
 if TYPE_CHECKING:
     from msbot_agent.link.base import BaseLink
     from msbot_agent.link.contract import (
+        BacklogLink,
         ConnectionUser,
         Link,
         LinkCounters,
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
 _NAMES = {
     "msbot_agent.link.base": ("BaseLink",),
     "msbot_agent.link.contract": (
+        "BacklogLink",
         "PriorityLink",
         "PeerDirectory",
         "Link",
@@ -69,6 +71,7 @@ _NAMES = {
 __getattr__ = lazy_face(__name__, _NAMES)
 
 __all__ = [
+    "BacklogLink",
     "BaseLink",
     "ConnectionUser",
     "Disturbance",

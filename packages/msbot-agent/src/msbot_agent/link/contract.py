@@ -105,6 +105,14 @@ class PriorityLink(Protocol):
         """Do so from now on, or from when it is opened."""
 
 
+@runtime_checkable
+class BacklogLink(Protocol):
+    """A link that knows when it could not read all that had come."""
+
+    unread_at: float
+    """When a burst last ended with more left in the system, on the clock of packets; minus infinity: never."""
+
+
 class Link(Protocol):
     """One way to one or many peers (see the module docstring)."""
 

@@ -214,6 +214,23 @@ async def test_others_have_their_turn_after_a_while_however_much_comes(step_s: f
     assert len(desk.bursts) == bursts
 
 
+async def test_the_link_says_when_it_could_not_read_all_that_had_come() -> None:
+    desk = Desk(Kernel(step_s=0.004))  # a burst ends by its time, after two batches
+    desk.drain(b"x", b"x")
+    assert desk.link.unread_at < 0
+    desk.drain(*numbered(8 * BATCH))
+    assert desk.kernel.waiting
+    first = desk.link.unread_at
+    assert 0 < first < desk.kernel.now
+    desk.drain()
+    assert desk.kernel.waiting
+    assert first < (second := desk.link.unread_at)
+    while desk.kernel.waiting:
+        desk.drain()
+    desk.drain(b"x")
+    assert second < desk.link.unread_at < desk.kernel.now - desk.kernel.step_s, "the last burst took all"
+
+
 async def test_an_error_of_one_packet_is_the_end_of_it_and_not_of_the_link() -> None:
     made: Any = UdpServerLink("127.0.0.1", 0)
     loop = asyncio.get_running_loop()

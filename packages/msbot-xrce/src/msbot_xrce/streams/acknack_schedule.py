@@ -38,11 +38,16 @@ REPEATS_MAX = 8
 GUESSES_MAX = 4
 """How often the message after the newest one is asked for, at least."""
 
+GUESS_RAREST_S = 5.0
+"""After those, the waits go on growing up to this: where thousands of clients have lost something, nearly all of them
+have nothing more to send."""
+
 UNMEASURED_S = 0.02
 """The wait for an answer of a stock client while the round trip is not known. Elsewhere nothing is repeated then."""
 
 RAREST = 5
-"""So often that wait doubles after `REPEATS_MAX`: a peer that never answered may not be there (a forged address)."""
+"""So often that wait doubles: a peer that never answered may not be there (a forged address), or thousands of others
+ask as well."""
 
 HOPELESS = 32
 """What makes a gap one that cannot be filled: a message beyond it that came again in answer to a report counts 2, a
@@ -261,9 +266,10 @@ class AcknackSchedule:
             self.questions.pop(stream_id, None)
             return
         elif round_trip.smoothed_s is not None:
-            question.repeat_at = now + max(self._sender.patience_s(now, question.repeated), delay_s)
+            longest_s = GUESS_RAREST_S if kind is _GUESS and question.repeated > GUESSES_MAX else None
+            question.repeat_at = now + max(self._sender.patience_s(now, question.repeated, longest_s), delay_s)
         elif self._overtaking is not None:
-            rarer = 1 << min(max(question.repeated - REPEATS_MAX, 0), RAREST)
+            rarer = 1 << min(question.repeated, RAREST)
             question.repeat_at = now + max(UNMEASURED_S * rarer, delay_s)
         else:
             self.questions.pop(stream_id, None)

@@ -214,9 +214,11 @@ class SessionOutput:
             return True
         return False
 
-    def patience_s(self, now: float, unanswered: int) -> float:
-        """How long to wait for the peer before asking it again; see `RoundTrip`."""
-        return self.round_trip.patience_s(now, self.heartbeat_s, self._settings.heartbeat_min_s, unanswered)
+    def patience_s(self, now: float, unanswered: int, longest_s: float | None = None) -> float:
+        """How long to wait for the peer before asking it again, at most `longest_s` or the time of a HEARTBEAT; see
+        `RoundTrip`."""
+        longest_s = self.heartbeat_s if longest_s is None else longest_s
+        return self.round_trip.patience_s(now, longest_s, self._settings.heartbeat_min_s, unanswered)
 
     def flush(self) -> None:
         """Finish the messages that submessages were packed into."""

@@ -67,8 +67,20 @@ def test_on_a_lossy_link_what_may_follow_is_asked_for_a_few_times() -> None:
     rig.take(3, 2.0015)
     asked = rig.asked(until=60.0)
     assert set(asked) == {(4, 0b1)}, "the question moves on with the stream"
-    assert rig.times[-1] < 12.5, "as long as the link counts as lossy"
-    assert 20 < len(asked) < 100
+    assert 6.0 < rig.times[-1] < 12.5, "as long as the link counts as lossy"
+    assert 10 < len(asked) < 20, "and less and less often: mostly nothing follows"
+    waits = [later - sooner for sooner, later in zip(rig.times, rig.times[1:], strict=False)]
+    assert waits == sorted(waits)
+    assert waits[-2] > rig.sender.heartbeat_s
+
+
+def test_a_stock_client_that_was_never_measured_is_asked_less_and_less_often() -> None:
+    rig = Rig(measured=False)
+    rig.take(2, 1.0)
+    assert set(rig.asked(until=60.0)) == {(0, 0b11)}
+    waits = [later - sooner for sooner, later in zip([1.0, *rig.times], rig.times, strict=False)]
+    assert waits[:6] == pytest.approx([0.02, 0.04, 0.08, 0.16, 0.32, 0.64])
+    assert max(waits) == pytest.approx(0.64)
 
 
 @pytest.mark.parametrize("guesses", [False, True])

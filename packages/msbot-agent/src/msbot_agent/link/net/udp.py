@@ -86,6 +86,8 @@ class _UdpLink(BaseLink, ABC):
         self._loop: asyncio.AbstractEventLoop | None = None
         self._ended: asyncio.Future[None] | None = None
         self._transmit: Callable[[bytes, Peer], object]
+        self.unread_at = float("-inf")
+        """See `BacklogLink`; never where the system gives datagrams one by one."""
         self._queue: deque[tuple[bytes, Peer]] = deque()
         self._was_full = False
         self._lingering = AdaptivePolling(linger_s)
@@ -298,9 +300,10 @@ class _UdpLink(BaseLink, ABC):
                 self._packet_handler(packet, peer, now)
             if len(packets) < BATCH:
                 self._has_come_together = len(packets) > 1
-                break
+                return True
             if now > until:
                 break
+        self.unread_at = clock()
         return True
 
     def _tolerate(self, error: OSError) -> bool:
