@@ -67,7 +67,7 @@ def test_who_acknowledges_nothing_is_sent_ever_fewer_heartbeats() -> None:
 
 
 @pytest.mark.promise("A flood neither keeps parts out nor makes active ones late")
-def test_nobody_is_asked_again_while_the_answer_may_lie_unread_in_the_socket() -> None:
+def test_no_newcomer_is_asked_again_while_the_answer_may_lie_unread_in_the_socket() -> None:
     async def scenario() -> None:
         agent = Agent(MemorySpace(), settings=AgentSettings(dead_after_s=math.inf))
         async with serving(agent, FakeLink(keeps_order=False)) as link:
@@ -87,5 +87,15 @@ def test_nobody_is_asked_again_while_the_answer_may_lie_unread_in_the_socket() -
                 link.unread_at = clock()
                 await asyncio.sleep(0.01)
             assert 4 <= len(link.take_sent()) <= 20, "a link that stays behind does not silence the agent"
+            await asyncio.sleep(5.0)
+            link.take_sent()
+            link.inject(bytes.fromhex("81000000") + submessage(11, struct.pack("<HHB", 1, 0x7FFE, 0x80) + bytes(3)))
+            link.inject(bytes.fromhex("81800100") + UNUSABLE)
+            await asyncio.sleep(0)
+            link.take_sent()
+            for _ in range(100):
+                link.unread_at = clock()
+                await asyncio.sleep(0.01)
+            assert len(link.take_sent()) >= 5, "whoever has been there for long is asked as ever"
 
     run_virtual(scenario())

@@ -46,8 +46,9 @@ logger = logging.getLogger(__name__)
 _OK = Status.OK
 _DATA = (ObjectKind.DATAREADER.value, ObjectKind.DATAWRITER.value)
 
-PUT_OFF_S, LONGEST_PUT_OFF_S = 0.02, 0.5
-"""For so long at a time, and in all, a client is asked for nothing while its answer may lie unread in a socket."""
+PUT_OFF_S, LONGEST_PUT_OFF_S, NEW_S = 0.02, 0.5, 10.0
+"""For so long at a time, and in all, a client is asked for nothing while its answer may lie unread in a socket; and for
+so long after its login. Later, a flood must not make it wait for what it lacks."""
 
 
 class OpenSession(Protocol):
@@ -189,10 +190,10 @@ class Proxy:
         return limit if when is None or limit < when else when
 
     def put_off_asking(self, now: float) -> float | None:
-        """Ask the client for nothing yet, because its answer may lie unread in a socket, unless that has been done for
-        long; returns when to call `handle_timer`."""
+        """Ask a new client for nothing yet, because its answer may lie unread in a socket, unless that has been done
+        for long; returns when to call `handle_timer`."""
         due = self.session.timer()
-        if due is not None and due <= now < due + LONGEST_PUT_OFF_S:
+        if due is not None and due <= now < min(due + LONGEST_PUT_OFF_S, self._opened_at + NEW_S):
             self._asks_at = now + PUT_OFF_S
         return self.timer()
 
