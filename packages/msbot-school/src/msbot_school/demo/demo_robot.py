@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import time
+from collections import deque
 from collections.abc import Callable, Collection, Mapping, Sequence
 from random import Random
 
@@ -35,6 +36,9 @@ from msbot_school.demo.demo_links import (
     TopicSnapshot,
 )
 from msbot_xrce.errors import ConfigError, MsbotError
+
+MOST_EVENTS = 1000
+"""Changes of parts that are kept; a demo may run for months."""
 
 # One part's place in the demo: what is plugged in there now, and what earlier parts there did.
 
@@ -172,7 +176,8 @@ class DemoRobot:
         epoch_ns: Callable[[], int] = time.time_ns,
     ) -> None:
         self._event_listeners: list[Callable[[DemoStateChange], None]] = []
-        self.events: list[DemoStateChange] = []
+        self.events: deque[DemoStateChange] = deque(maxlen=MOST_EVENTS)
+        """What happened last, oldest first."""
         self._random = random or Random()
         self._epoch_ns = epoch_ns
         self._loop = asyncio.get_running_loop()

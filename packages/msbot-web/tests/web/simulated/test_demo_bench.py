@@ -180,3 +180,16 @@ def test_a_robot_without_simulated_parts_has_an_empty_bench() -> None:
     bench.unplug("AA")
     bench.operate("AA", "x", 1)
     assert (bench.slots(), bench.is_plugged("AA"), bench.controls("AA"), bench.readings("AA")) == ((), False, (), {})
+
+
+def test_a_demo_of_months_keeps_the_latest_changes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("msbot_school.demo.demo_robot.MOST_EVENTS", 6)
+
+    async def scene(robot: DemoRobot, _bench: DemoControls, _seen: PageSources) -> None:
+        assert len(robot.events) == 6
+        robot.unplug("AA")
+        await asyncio.sleep(10.0)
+        assert len(robot.events) == 6
+        assert (robot.events[-1].part, robot.events[-1].to_state) == ("AA", "lost")
+
+    play(tmp_path, "thesis", scene)

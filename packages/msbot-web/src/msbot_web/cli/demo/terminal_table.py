@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import islice
 
 from rich import box
 from rich.console import Group, RenderableType
@@ -36,7 +37,7 @@ _BETWEEN = 3
 
 
 def live_view(
-    snapshot: DemoSnapshot, events: list[DemoStateChange], notes: list[str], width: int, height: int
+    snapshot: DemoSnapshot, events: Sequence[DemoStateChange], notes: list[str], width: int, height: int
 ) -> RenderableType:
     """The whole screen, the page's link first: parts, wire, keys, and as many of the latest events as fit.
 
@@ -58,7 +59,7 @@ def live_view(
     folded = sum(max(0, len(line) - 1) // width for line in (*notes, title, KEYS))
     room = height - len(above) - folded - len(snapshot.parts) - _TABLE_FRAME
     recent: list[str] = []
-    for event in reversed(events[-MOST_EVENTS:]):
+    for event in islice(reversed(events), MOST_EVENTS):
         lines = event_lines(event, width, None if recent else max(room, 1))
         if len(recent) + len(lines) > room:
             break
