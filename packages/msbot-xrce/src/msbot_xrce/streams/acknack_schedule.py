@@ -6,7 +6,7 @@ newest messages may be missing as well, or the ACKNACK of the newest may be lost
 timer, 100 ms later in C clients, and never if it is run in shorter slices. So there, the message after the newest one
 is asked for too, as if it were known to be missing: a few times, and of a stock client over UDP as long as the link
 counts as lossy. A peer that has it sends it at once, and one that has nothing more ignores the question. The waits
-grow, up to the peer's own period.
+grow, up to the peer's own period; those for what may not exist grow further.
 
 Bounds. A receiver with a gap says so with every message that arrives, and a stock client answers each time with
 everything it has. So over UDP the same gap is reported to it again only when the wait for an answer is over.
