@@ -71,11 +71,15 @@ class BridgeNetwork(canopen.Network):  # type: ignore[misc]  # the library has n
 
     def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
         """See the library."""
+        self.hand_over(can_id, data, remote=remote)
+
+    def hand_over(self, can_id: int, data: bytes, *, remote: bool = False) -> bool:
+        """The same; False: the controller has no room for it."""
         message = can.Message(is_extended_id=False, arbitration_id=can_id, data=data, is_remote_frame=remote)
         with self.send_lock:
             if self.bus is None:
                 raise can.CanOperationError("the bus was left")
-            self.sender.send(message)
+            return self.sender.send(message)
 
     def takes(self, can_id: int) -> bool:
         """Whether there is room for a frame: the library keeps answers that nobody has asked for without end."""
@@ -130,14 +134,19 @@ class CanopenBus:
     ) -> None:
         self._address, self._folder, self._heard_in_loop = address, folder, heard
         self._network: BridgeNetwork | None = None
-        self._reading = dict[int, CanopenDevice]()
+        self._reading = dict[int, int]()
+        """Nodes that are being asked, and about which STOP."""
+        self._to_read = dict[int, tuple[CanopenDevice, Sequence[Entry], int]]()
+        """What they are asked next."""
         self._synchronous = set[int]()
         """Nodes with PDOs that need SYNC."""
         self._other_sync_at = -OTHER_SYNC_S
         self._ordered = 0
-        """PDOs so far."""
-        self._overruled = dict[int, int]()
-        """The newest urgent one of them, by identifier; those before it are old."""
+        """Orders so far."""
+        self._overruled = dict[tuple[int, int], int]()
+        """The newest urgent one of them, by node and identifier; those before it are old."""
+        self._unsent = dict[tuple[int, int], Callable[[], None]]()
+        """Orders for which the controller had no room, by node and identifier: only the newest of each counts."""
         self._beat_at = self._sync_at = 0.0
         self._random = Random()
         self._orders = WorldThread(f"CANopen on {address}")
@@ -173,21 +182,29 @@ class CanopenBus:
 
     # Orders, from the event loop
 
-    def send(self, layout: PdoLayout, data: bytes, *, urgent: bool = False) -> None:
-        """See `NodeBus`; what waits there already is not sent after what is urgent."""
-        number = self._ordered = self._ordered + 1
-        if urgent:
-            self._overruled[layout.cob_id] = number
-
-        def send() -> None:
-            if self._network is not None and number >= self._overruled.get(layout.cob_id, 0):
-                self._network.send_message(layout.cob_id, data)
-
-        self._orders.post(send, urgent=urgent)
+    def send(self, node_id: int, layout: PdoLayout, data: bytes, *, urgent: bool = False) -> None:
+        """See `NodeBus`."""
+        self._order(node_id, layout.cob_id, data, urgent=urgent)
 
     def command(self, node_id: int, command: int, *, urgent: bool = False) -> None:
         """See `NodeBus`."""
-        self._post(_NMT, bytes([command, node_id]), urgent=urgent)
+        self._order(node_id, _NMT, bytes([command, node_id]), urgent=urgent)
+
+    def _order(self, node_id: int, can_id: int, data: bytes, *, urgent: bool) -> None:
+        """Send an order; one that waits already is not sent after one that is urgent."""
+        key = (node_id, can_id)
+        number = self._ordered = self._ordered + 1
+        if urgent:
+            self._overruled[key] = number
+
+        def send() -> None:
+            if self._network is None or number < self._overruled.get(key, 0):
+                return
+            self._unsent.pop(key, None)
+            if not self._network.hand_over(can_id, data):
+                self._unsent[key] = send
+
+        self._orders.post(send, urgent=urgent)
 
     def guard(self, node_id: int) -> None:
         """See `NodeBus`."""
@@ -246,7 +263,12 @@ class CanopenBus:
             if self._network is not None and node_id in self._network:
                 del self._network[node_id]
 
+        def forget_orders() -> None:
+            for key in [key for key in self._unsent if key[0] == node_id]:
+                del self._unsent[key]  # it is not to come back to them
+
         self._newcomers.post(forget)
+        self._orders.post(forget_orders, urgent=True)
 
     def set_up(self, device: CanopenDevice) -> None:
         """See `NodeBus`."""
@@ -265,20 +287,24 @@ class CanopenBus:
 
         self._questions.post(configure)
 
-    def read(self, device: CanopenDevice, entries: Sequence[Entry]) -> None:
+    def read(self, device: CanopenDevice, entries: Sequence[Entry], stop: int = 0) -> None:
         """See `NodeBus`."""
-        if not entries or device.node_id in self._reading:
+        if not entries:
             return
-        self._reading[device.node_id] = device
+        if device.node_id in self._reading:
+            if stop and stop != self._reading[device.node_id]:
+                self._to_read[device.node_id] = (device, entries, stop)
+            return
+        self._reading[device.node_id] = stop
 
         def read() -> None:
             values = dict[Entry, int]()
             try:
                 ask = SdoRequests(self._node(device.node_id), READ_S)
                 values = {entry: value for entry in entries if (value := ask.number(entry)) is not None}
-            except (SdoCommunicationError, SdoRefused, can.CanError) as error:
-                _log.debug("%s: %s", self._address, error)  # it is asked again, or found to be lost
-            self._questions.tell(partial(self._has_read, device, values))
+            except Exception as error:  # as in `describe`; it is asked again, or found to be lost
+                _log.debug("%s: %s", self._address, error)
+            self._questions.tell(partial(self._has_read, device, values, stop))
 
         # After the orders that were given before: asked at once, the device would answer what it had before them.
         self._orders.post(partial(self._questions.post, read, urgent=True), urgent=True)
@@ -294,10 +320,13 @@ class CanopenBus:
 
         self._questions.post(write)
 
-    def _has_read(self, device: CanopenDevice, values: dict[Entry, int]) -> None:
+    def _has_read(self, device: CanopenDevice, values: dict[Entry, int], stop: int) -> None:
         self._reading.pop(device.node_id, None)
+        waiting = self._to_read.pop(device.node_id, None)
         if values:
-            device.reported(values)
+            device.reported(values, stop)
+        if waiting is not None:
+            self.read(*waiting)
 
     # In the threads
 
@@ -310,14 +339,21 @@ class CanopenBus:
             self._orders.tell(self._is_open.set)
             while not self._orders.is_ended:
                 self._orders.work()
+                self._send_unsent()
                 wait_s = min(self._beat(network), self._send_sync(network))
                 network.check()
                 self._orders.wait(wait_s)
             self._orders.work()  # what makes devices safe at the end
+            self._send_unsent()
         except can.CanError as error:
             raise LinkDown(f"{self._address}: {error}") from error
         finally:
             network.disconnect()
+
+    def _send_unsent(self) -> None:
+        """There may be room by now."""
+        for send in list(self._unsent.values()):
+            send()
 
     def _beat(self, network: BridgeNetwork) -> float:
         """Send the bridge's heartbeat when it is due; returns the time until the next."""

@@ -39,8 +39,8 @@ BRIDGE_LOST_MS: Final = 1000
 class NodeBus(Protocol):
     """What a device uses of its bus; returns at once."""
 
-    def send(self, layout: PdoLayout, data: bytes, *, urgent: bool = False) -> None:
-        """Send a PDO."""
+    def send(self, node_id: int, layout: PdoLayout, data: bytes, *, urgent: bool = False) -> None:
+        """Send a PDO to a node."""
 
     def command(self, node_id: int, command: int, *, urgent: bool = False) -> None:
         """Send a command of NMT."""
@@ -54,8 +54,14 @@ class NodeBus(Protocol):
     def set_up(self, device: CanopenDevice) -> None:
         """Call `configure` in the thread that may wait, then `configured` or `failed` in the event loop."""
 
-    def read(self, device: CanopenDevice, entries: Sequence[Entry]) -> None:
-        """Read entries, then call `reported`; of several calls that wait, one is carried out."""
+    def read(self, device: CanopenDevice, entries: Sequence[Entry], stop: int = 0) -> None:
+        """Read entries, then call `reported`; of several calls that wait, one is carried out.
+
+        Args:
+            device: what is asked, after all orders that it was given before.
+            entries: what it is asked for.
+            stop: which STOP the answer is about, for `reported`; 0: none.
+        """
 
     def write(self, device: CanopenDevice, entry: Entry, value: int) -> None:
         """Write an entry; what the device refuses is named in the log."""
@@ -98,10 +104,14 @@ class CanopenDevice(ForeignDevice):
         self._entries = {one.name: one for one in description.settings}
         self._report: Report | None = None
         self._set_up: SetUp | None = None
+        self._stop_number = 0
+        """Which STOP holds, or held last."""
         self._is_still = False
         """The device has reported since STOP that it has stopped in its own way."""
         self._is_out = False
         """It has reported since then that it is not OPERATIONAL."""
+        self._is_starting = False
+        """It was told to be OPERATIONAL, and has not reported it: a heartbeat may be of the time before."""
         self._emergency = description.emergency
         self._trouble = ""
 
@@ -124,8 +134,14 @@ class CanopenDevice(ForeignDevice):
         """Tell it to stop in its own way, before all other orders."""
 
     @abstractmethod
-    def told(self, values: Mapping[Entry, int]) -> None:
-        """It has reported these values."""
+    def told(self, values: Mapping[Entry, int], *, is_answer: bool = False) -> None:
+        """It has reported these values.
+
+        Args:
+            values: what it has reported.
+            is_answer: it was asked for them after STOP, so that they say what became of that. Other reports may have
+                been on their way when STOP came.
+        """
 
     @abstractmethod
     def started(self) -> None:
@@ -160,13 +176,18 @@ class CanopenDevice(ForeignDevice):
         """See `ForeignDevice`."""
         if not self.is_stopping:
             self.is_stopping, self._is_still, self._is_out = True, not self.inputs, not self.inputs
+            self._stop_number += 1
         if not self._is_still:
             self.tell_still()
-            self._bus.read(self, self.still_entries())
+            self.ask_still()
         elif not self._is_out:
             self._bus.command(self.node_id, ENTER_PRE_OPERATIONAL, urgent=True)
             if not self.heartbeat_ms:
                 self._bus.guard(self.node_id)
+
+    def leave(self) -> None:
+        """See `ForeignDevice`: as at STOP, it reports that it is safe, and that no PDO moves it any more."""
+        self.stop()
 
     def go(self) -> None:
         """See `ForeignDevice`."""
@@ -216,8 +237,10 @@ class CanopenDevice(ForeignDevice):
         if state == OPERATIONAL and before != OPERATIONAL:
             self.started()
         if self.is_stopping and self._is_still and state in (PRE_OPERATIONAL, STOPPED) and not self._is_out:
-            self._is_out = True
+            self._is_out = not self._is_starting
             self._news(self)
+        if state == OPERATIONAL or self._is_still:
+            self._is_starting = False
         if self.fault:
             self._bus.read(self, self.still_entries())
 
@@ -234,9 +257,9 @@ class CanopenDevice(ForeignDevice):
             if layout.cob_id == cob_id:
                 self.told(layout.unpack(data))
 
-    def reported(self, values: Mapping[Entry, int]) -> None:
+    def reported(self, values: Mapping[Entry, int], stop: int) -> None:
         """What was asked for by `read`."""
-        self.told(values)
+        self.told(values, is_answer=stop == self._stop_number and self.is_stopping)
 
     @property
     def heartbeat_ms(self) -> int:
@@ -244,6 +267,7 @@ class CanopenDevice(ForeignDevice):
         return self.description.heartbeat_ms if self._set_up is None else self._set_up.heartbeat_ms
 
     def _start(self) -> None:
+        self._is_starting = self.nmt_state != OPERATIONAL
         self._bus.command(self.node_id, START)
         if not self.heartbeat_ms:
             self._bus.guard(self.node_id)  # so that it is known that PDOs reach it
@@ -255,11 +279,20 @@ class CanopenDevice(ForeignDevice):
         if self._report is not None:
             self._report(port, message)
 
+    def ask_still(self) -> None:
+        """Ask whether it has stopped in its own way."""
+        self._bus.read(self, self.still_entries(), self._stop_number)
+
     def confirm_still(self) -> None:
         """It has reported that it has stopped in its own way: the second step begins."""
         if self.is_stopping and not self._is_still:
             self._is_still = True
             self._bus.command(self.node_id, ENTER_PRE_OPERATIONAL, urgent=True)
+
+    @property
+    def is_waiting_to_be_still(self) -> bool:
+        """STOP has come, and it has not reported that it has stopped in its own way."""
+        return self.is_stopping and not self._is_still
 
     @property
     def is_operational(self) -> bool:
@@ -270,7 +303,7 @@ class CanopenDevice(ForeignDevice):
         """Send the PDO that has an entry."""
         for layout in () if self._set_up is None else self._set_up.orders:
             if entry in layout.entries:
-                self._bus.send(layout, layout.pack(values), urgent=urgent)
+                self._bus.send(self.node_id, layout, layout.pack(values), urgent=urgent)
                 return
 
 

@@ -125,6 +125,11 @@ class DriveDevice(CanopenDevice):
         else:
             self.act(_PORTS[self._mode], message)
 
+    def leave(self) -> None:
+        """See `ForeignDevice`: quick stop, whatever its slot says."""
+        self._rests_at.clear()
+        super().leave()
+
     def _target(self, port: str, message: Message) -> tuple[int, int]:
         """The mode of operation for a message, and its target in the drive's units."""
         if isinstance(message, Speed):
@@ -172,7 +177,7 @@ class DriveDevice(CanopenDevice):
         """See `CanopenDevice`."""
         self._drive()
 
-    def told(self, values: Mapping[Entry, int]) -> None:
+    def told(self, values: Mapping[Entry, int], *, is_answer: bool = False) -> None:
         """See `CanopenDevice`."""
         if (velocity := values.get(objects.VELOCITY)) is not None:
             self._velocity = velocity
@@ -187,8 +192,10 @@ class DriveDevice(CanopenDevice):
         self._statusword, self._state = statusword, state_of(statusword)
         if had_fault is not (self._state is DriveState.FAULT):
             self._news(self)
-        if self.is_stopping and self._stands():
+        if is_answer and self._stands():
             self.confirm_still()
+        elif self.is_waiting_to_be_still and self._stands():
+            self.ask_still()
         self._drive(again=False)
 
     def _stands(self) -> bool:

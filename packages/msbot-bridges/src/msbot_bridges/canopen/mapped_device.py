@@ -31,7 +31,7 @@ class MappedDevice(CanopenDevice):
         self._values = dict[Entry, int]()
         """What each of its outputs is to have."""
         self._stated = dict[str, Message]()
-        """Safe values of ports that the robot has said with this STOP."""
+        """Safe values of ports that the robot has said, with this STOP or when it left them."""
         self._safe = self._safe_values()
 
     def _safe_values(self) -> dict[Entry, int]:
@@ -59,10 +59,16 @@ class MappedDevice(CanopenDevice):
 
     def act(self, port: str, message: Message) -> None:
         """See `ForeignDevice`."""
+        self._stated.pop(port, None)
         mapping = self._told[port]
         self._values[mapping.entry] = mapping.to_value(message, self._values.get(mapping.entry, 0))
         if self.is_operational and not self.is_stopping:
             self.order(self._values, mapping.entry)
+
+    def rests_at(self, port: str, message: Message) -> None:
+        """See `ForeignDevice`."""
+        self.act(port, message)
+        self._stated[port] = message
 
     def rest(self) -> None:
         """See `ForeignDevice`; each port has got its safe value."""
@@ -106,14 +112,14 @@ class MappedDevice(CanopenDevice):
         for entry in self._values:
             self.order(self._values, entry)
 
-    def told(self, values: Mapping[Entry, int]) -> None:
+    def told(self, values: Mapping[Entry, int], *, is_answer: bool = False) -> None:
         """See `CanopenDevice`."""
         for mapping in self._heard:
             if (value := values.get(mapping.entry)) is None:
                 continue
             if (message := mapping.to_message(value)) is not None:
                 self.report(mapping.port, message)
-        if self.is_stopping and self._safe and all(values.get(entry) == safe for entry, safe in self._safe.items()):
+        if is_answer and self._safe and all(values.get(entry) == safe for entry, safe in self._safe.items()):
             self.confirm_still()
 
 
