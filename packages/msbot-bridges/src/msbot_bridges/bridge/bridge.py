@@ -11,10 +11,11 @@ from msbot.part.join.pnp_messages import Nature
 from msbot_agent.link import Link
 from msbot_bridges.bridge.bridged_part import BridgedPart
 from msbot_bridges.bridge.contract import MOST_DEVICES, ForeignDevice, World
+from msbot_bridges.bridge.leaving import LEAVE_S
 from msbot_xrce.lazy import dataclass
 
-END_S = 8.0
-"""Longest wait for parts to say goodbye: longer than a part waits until its trouble is acknowledged."""
+END_S = LEAVE_S + 8.0
+"""Longest wait for parts to end: longer than one waits for its device, and then until its trouble is acknowledged."""
 
 _log = logging.getLogger("msbot.part")
 
@@ -75,8 +76,9 @@ class Bridge:
             await asyncio.wait([finding, ending], return_when=asyncio.FIRST_COMPLETED)
         finally:
             # The parts end first: they make their devices safe, for which the world must still run.
+            why = _why_ended(finding)
             for one in list(self._running.values()):
-                self._leave(one, "")
+                self._leave(one, why)
             if self._leaving:
                 _, late = await asyncio.wait(self._leaving, timeout=END_S)
                 for task in late:
@@ -162,3 +164,11 @@ class Bridge:
             await bridged.run(self._connect)
         finally:
             self._world.left(bridged.device)
+
+
+def _why_ended(finding: asyncio.Task[None]) -> str:
+    """Why no device can be reached any more; empty: they can."""
+    if not finding.done() or finding.cancelled():
+        return ""
+    error = finding.exception()
+    return "the bridge to it has ended" if error is None else f"the bridge to it has ended: {error}"

@@ -3,8 +3,9 @@
 Theory of operation. The device says who it is and what it has; from that the part describes itself, so that a robot
 that does not know the part number asks, and a person adopts it. The device is told something only after the inventory
 has registered the part: its settings first, then what comes in at its ports. STOP is confirmed only when the device
-itself has reported that it has stopped; until then it is told again. A device with a fault leaves its robot with that
-sentence, and comes back when the fault is gone.
+itself has reported that it has stopped; until then it is told again. A part that leaves, or has lost its master, makes
+its device safe in the same way (`leaving.py`): until then it obeys nothing else. A device with a fault leaves its robot
+with that sentence, and comes back when the fault is gone.
 """
 
 from __future__ import annotations
@@ -21,10 +22,9 @@ from msbot.part.join.home import Home
 from msbot.part.join.pnp_messages import Nature
 from msbot_agent.link import Link
 from msbot_bridges.bridge.contract import DeviceSetting, ForeignDevice, Value
+from msbot_bridges.bridge.leaving import AGAIN_S, LEAVE_S, MASTERLESS_S, Leaving
 from msbot_xrce.errors import ConfigError, LinkError, MsbotError
 
-AGAIN_S = 0.2
-"""Time after which a device that has not reported that it has stopped is told so again."""
 LATE_S = 1.0
 """Time after which the robot's log says why STOP is not confirmed."""
 EXPLAIN_S = 10.0
@@ -54,6 +54,10 @@ class BridgedPart:
         part_made(self.part)
         self._was_in = False
         """The inventory has registered the device, so that it may be told something."""
+        self._has_begun = self._is_gone = False
+        """The device is commanded by its robot; it is out of reach for good."""
+        self._leaving: Leaving | None = None
+        """From the last order to a device until its `end`."""
         self._driven = set[str]()
         """Ports that got something else than their safe value last."""
         self._is_over = asyncio.Event()
@@ -117,21 +121,29 @@ class BridgedPart:
         Args:
             connect: makes a link to the master each time the part starts.
         """
-        while not self._is_over.is_set():
-            if fault := self.device.fault:
-                _log.warning("%s: %s", self.name, fault)
-                await self._until_changed()
-                continue
-            try:
-                await self.part.run_async(connect(self.part))
-            except LinkError as error:
-                _log.warning("%s: %s; tried again in %g s", self.name, error, RESTART_S)
-                with contextlib.suppress(TimeoutError):
-                    async with asyncio.timeout(RESTART_S):
-                        await self._is_over.wait()
-            except MsbotError as error:
-                _log.error("%s: %s", self.name, error)
-                await self._until_changed()
+        try:
+            while not self._is_over.is_set():
+                await self._run_once(connect)
+            if self._leaving is not None:
+                await self._leaving.over()
+        finally:
+            self._finish()
+
+    async def _run_once(self, connect: Callable[[Part], Link]) -> None:
+        if fault := self.device.fault:
+            _log.warning("%s: %s", self.name, fault)
+            await self._until_changed()
+            return
+        try:
+            await self.part.run_async(connect(self.part))
+        except LinkError as error:
+            _log.warning("%s: %s; tried again in %g s", self.name, error, RESTART_S)
+            with contextlib.suppress(TimeoutError):
+                async with asyncio.timeout(RESTART_S):
+                    await self._is_over.wait()
+        except MsbotError as error:
+            _log.error("%s: %s", self.name, error)
+            await self._until_changed()
 
     async def explain(self, connect: Callable[[Part], Link], why: str) -> None:
         """Tell the robot why the device is not there, and no more.
@@ -153,9 +165,26 @@ class BridgedPart:
         return f"{who.part_number} ({who.where})" if who.where else who.part_number
 
     def end(self, why: str = "") -> None:
-        """End the part; `why` is what its robot shows."""
+        """End the part, once its device has reported that it is safe; within `LEAVE_S`.
+
+        Args:
+            why: what its robot shows: the device is out of reach, and not waited for. Empty: it is there.
+        """
         self._is_over.set()
         self._changed.set()
+        if why:
+            self._is_gone = True
+            if self._leaving is not None:
+                self._leaving.cancel()
+        elif self._leaving is not None:
+            self._leaving.end_within(LEAVE_S)
+            return  # see `_has_left`
+        elif self._has_begun and not self._is_gone:
+            self._leave()
+            return
+        self._say_goodbye(why)
+
+    def _say_goodbye(self, why: str) -> None:
         if not why and self.part.stopped:
             why = self.device.not_stopped
         if why:
@@ -165,6 +194,12 @@ class BridgedPart:
     def news(self) -> None:
         """The device has reported something."""
         self._changed.set()
+        if self._leaving is not None:
+            if not self.device.not_stopped:
+                self.part.is_safe_now()
+            self._leaving.look()
+            if self._is_over.is_set():
+                return
         if fault := self.device.fault:
             self.part.trouble(fault)
             self.part.end()
@@ -180,7 +215,7 @@ class BridgedPart:
 
     def _acting(self, port: str) -> Callable[[Message], None]:
         def act(message: Message) -> None:
-            if not self._may_be_told():
+            if not self._may_be_told() or self._leaving is not None:
                 return
             if self.part.stopped:  # during STOP nothing else comes than safe values
                 self.device.safe_is(port, message)
@@ -214,12 +249,19 @@ class BridgedPart:
         return self._was_in
 
     def _joined(self) -> None:
-        self._was_in = True
+        if self._leaving is not None:
+            self._finish()  # the master is back before the device has reported that it is safe
+        self._was_in = self._has_begun = True
         who = self.device.identity
         self.part.log(f"{who.description}, {who.where}" if who.where else who.description)  # which software it has
         if remark := self.device.remark:
             self.part.log(remark)
         self.device.begin(self._report)
+        if self.part.stopped:  # STOP has held since before the master was lost
+            for one in self.device.inputs:
+                if (safe := self.part.safe_value(one.name)) is not None:
+                    self.device.safe_is(one.name, safe)
+            self.device.stop()
 
     def _report(self, port: str, message: Message) -> None:
         """Something goes out of a port; before the part is active nobody hears it."""
@@ -229,14 +271,20 @@ class BridgedPart:
     def _be_safe(self) -> None:
         if not self._may_be_told():
             return
-        if not self.part.stopped:
-            if self.part.state is not JoinState.ACTIVE:
-                self._let_go()
-            self.device.rest()
+        if self._leaving is not None:
+            if self.part.stopped and (why := self.device.not_stopped):
+                raise NotSafeYet(why)
             return
-        self.device.stop()
+        if self._has_begun and self.part.state is not JoinState.ACTIVE:
+            self._leave()
+        elif self.part.stopped:
+            self.device.stop()
+        else:
+            self.device.rest()
+        if not self.part.stopped:
+            return
         if why := self.device.not_stopped:
-            if self._again is None:
+            if self._again is None and self._leaving is None:
                 self._again = asyncio.get_running_loop().call_later(AGAIN_S, self._stop_again)
             self._say_late(why)
             raise NotSafeYet(why)
@@ -252,23 +300,65 @@ class BridgedPart:
 
     def _go(self) -> None:
         self._told_at, self._is_late_said = None, False
-        self.device.go()
+        if self._leaving is None:
+            self.device.go()
+
+    def _leave(self) -> None:
+        """The device gets its last orders, and is told them until it has reported that it has obeyed."""
+        tell = self.device.stop if self.part.stopped else self.device.leave
+        if not self.part.stopped:
+            self._let_go()
+        if self._again is not None:
+            self._again.cancel()
+            self._again = None
+        if self._is_gone:
+            tell()
+            return
+        self._leaving = Leaving(self.device, tell, self._has_left)
+        is_ending = self._is_over.is_set() or self.part.state is JoinState.ENDED
+        self._leaving.begin(LEAVE_S if is_ending else MASTERLESS_S)
 
     def _let_go(self) -> None:
-        """The part leaves: ports that a person drove without a wire, of which the robot says nothing, are safe, too."""
+        """Each port has its safe value; also one that a person drove without a wire, of which the robot says nothing.
+
+        A part that is out of its robot already has handed over those that the robot has said.
+        """
+        is_in = self.part.state is JoinState.ACTIVE
         for one in self.device.inputs:
-            if one.name in self._driven and one.safe is not None:
-                self.device.rests_at(one.name, one.safe)
+            safe = self.part.safe_value(one.name) if is_in else None
+            if safe is None and one.name in self._driven:
+                safe = one.safe
+            if safe is not None:
+                self.device.rests_at(one.name, safe)
         self._driven.clear()
+
+    def _has_left(self, unreported: str) -> None:
+        """The device is safe, or is not known to be."""
+        why = f"it is out of its robot, and not known to be safe: {unreported}" if unreported else ""
+        if why:
+            _log.warning("%s: %s", self.name, why)
+        if self._is_over.is_set():
+            self._say_goodbye(why)
+        if self.part.state is not JoinState.ACTIVE:
+            self._finish()
 
     def _stop_again(self) -> None:
         self._again = None
         self.part.is_safe_now()
 
     def _left(self) -> None:
+        if self._leaving is None or self._leaving.is_over:
+            self._finish()
+
+    def _finish(self) -> None:
+        """Nothing more is told to the device."""
         if self._again is not None:
             self._again.cancel()
             self._again = None
+        if self._leaving is not None:
+            self._leaving.cancel()
+            self._leaving = None
+        self._has_begun = False
         if self._was_in:
             self._was_in = False
             self.device.end()

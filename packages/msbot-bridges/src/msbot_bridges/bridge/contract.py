@@ -144,7 +144,7 @@ class ForeignDevice(ABC):
 
     @abstractmethod
     def end(self) -> None:
-        """It is no longer in the robot; it was made safe before."""
+        """It is no longer in the robot; it was made safe before, see `leave`."""
 
     @abstractmethod
     def act(self, port: str, message: Message) -> None:
@@ -169,12 +169,20 @@ class ForeignDevice(ABC):
         """Do what is safest for this device. Called again while `not_stopped` says that it is not done."""
 
     def rest(self) -> None:
-        """Nobody is in command, and no STOP holds: a port's partner or the master is gone. Obey the next `act` again.
+        """Nobody is in command, and no STOP holds: a port's partner is gone. Obey the next `act` again.
 
         The safe values of the ports concerned have come by `rests_at` before. Does what `stop` does, unless told
         otherwise.
         """
         self.stop()
+
+    def leave(self) -> None:
+        """The part leaves its robot, or the master is gone: `end` follows, and nobody corrects the device later.
+
+        The safe values of all ports have come by `rests_at` before. Called again while `not_stopped` says that it is
+        not done, for a bounded time. Does what `rest` does, unless told otherwise.
+        """
+        self.rest()
 
     @abstractmethod
     def go(self) -> None:
@@ -185,7 +193,7 @@ class ForeignDevice(ABC):
     def not_stopped(self) -> str:
         """Why it is not known to have stopped, as a sentence; empty: the device itself has reported that it has.
 
-        Only what the device has reported since `stop` counts. A device that cannot report it never is.
+        Only what the device has reported since `stop` or `leave` counts. A device that cannot report it never is.
         """
 
     def serve(self, name: str, request: Message) -> Message:  # noqa: ARG002

@@ -141,9 +141,10 @@ async def _run_table(
             async with _kind(table).reached(_link(table)) as reached, _held(table, reached):
                 with ungrouped(MsbotError):
                     async with asyncio.TaskGroup() as tasks:
-                        tasks.create_task(_run_bridge(table, reached, connect, say))
                         for device in devices:
                             tasks.create_task(device.run(reached.address))
+                        # Not a task of its own: the devices are there until it has left them.
+                        await _run_bridge(table, reached, connect, say)
         except LinkDown as error:
             say(f"bridge for {table.world}: {error}; tried again in {AGAIN_S:g} s")
         await asyncio.sleep(AGAIN_S)

@@ -76,8 +76,11 @@ class DeviceProcess:
             await self._plugged.wait()
             self._was_pulled = False
             # It ends with this process even if that is killed: its standard input ends then.
+            # Ctrl-C at the terminal does not end it: the bridge first leaves it.
             self._process = await asyncio.create_subprocess_exec(
-                sys.executable, "-m", "msbot", *arguments, "--end-with-stdin", *words, stdin=PIPE
+                *(sys.executable, "-m", "msbot", *arguments, "--end-with-stdin", *words),
+                stdin=PIPE,
+                start_new_session=True,
             )
             _log.info("simulated %s of %s: process %d", self.name, self.table.world, self._process.pid)
             try:

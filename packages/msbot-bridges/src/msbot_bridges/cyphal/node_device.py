@@ -128,7 +128,7 @@ class CyphalNode(UpdatableNode):
         self._told: dict[SubjectPort, str] = {}
         """The input by which each port was driven last: that of an angle, or of a speed."""
         self._safe: dict[str, Message] = {}
-        """The safe values that the robot's library has for inputs, where it has others."""
+        """The safe values that the robot has said for inputs, with this STOP or when it left them."""
         self._is_in = self.is_stopping = False
         self._unconfirmed = frozenset[str]()
         self._report: Report | None = None
@@ -171,10 +171,20 @@ class CyphalNode(UpdatableNode):
     def act(self, port: str, message: Message) -> None:
         """See `ForeignDevice`."""
         if not self.is_stopping:
+            self._safe.pop(port, None)
             self._tell(port, message, urgent=False)
+
+    def rests_at(self, port: str, message: Message) -> None:
+        """See `ForeignDevice`."""
+        self.act(port, message)
+        self._safe[port] = message
 
     def rest(self) -> None:
         """See `ForeignDevice`; each port has got its safe value."""
+
+    def leave(self) -> None:
+        """See `ForeignDevice`: as at STOP, it reports that it is safe."""
+        self.stop()
 
     def set(self, name: str, value: Value) -> None:
         """See `ForeignDevice`."""

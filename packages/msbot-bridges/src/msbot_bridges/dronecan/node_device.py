@@ -119,7 +119,7 @@ class NodeDevice(UpdatableNode):
         self.radians: float | None = None
         """None: nobody has said where a servo is to be, so it stays where it is."""
         self._stated = dict[str, Message]()
-        """Safe values that the robot has said with this STOP."""
+        """Safe values that the robot has said, with this STOP or when it left its ports."""
         self.is_critical = self.is_updating = False
         """As its NodeStatus says."""
         self._order, self._write, self._news = order, write, news
@@ -140,8 +140,9 @@ class NodeDevice(UpdatableNode):
         self._order(False)
         self.take_update()
 
-    def act(self, port: str, message: Message) -> None:  # noqa: ARG002 - the class says which
+    def act(self, port: str, message: Message) -> None:
         """See `ForeignDevice`."""
+        self._stated.pop(port, None)
         self._take(message)
         self._order(False)
 
@@ -181,8 +182,17 @@ class NodeDevice(UpdatableNode):
                 self._take(safe)
         self._order(True)
 
+    def rests_at(self, port: str, message: Message) -> None:
+        """See `ForeignDevice`."""
+        self.act(port, message)
+        self._stated[port] = message
+
     def rest(self) -> None:
         """See `ForeignDevice`; each port has got its safe value."""
+
+    def leave(self) -> None:
+        """See `ForeignDevice`: as at STOP, it reports that it is safe."""
+        self.stop()
 
     def go(self) -> None:
         """See `ForeignDevice`."""

@@ -119,6 +119,10 @@ class ModuleDevice(ForeignDevice):
         self.module.write_at_once()
         self._wake()
 
+    def leave(self) -> None:
+        """See `ForeignDevice`: as at STOP, its registers say that it is safe."""
+        self.stop()
+
     def _safe_registers(self, port: str) -> Mapping[int, bytes]:
         index, actuator = self._actuators[port]
         known, safe = self.module.registers(index), self._safe.get(port)

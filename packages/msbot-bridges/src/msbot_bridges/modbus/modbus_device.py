@@ -84,6 +84,11 @@ class ModbusDevice(ForeignDevice):
         """See `ForeignDevice`: `stop` writes it, and waits for it."""
         self._safe[port] = self._points[port].value_of(message)
 
+    def rests_at(self, port: str, message: Message) -> None:
+        """See `ForeignDevice`."""
+        self.safe_is(port, message)
+        self.act(port, message)
+
     def stop(self) -> None:
         """See `ForeignDevice`."""
         driven = self.table.of_role(PointUse.IN)
@@ -96,7 +101,11 @@ class ModbusDevice(ForeignDevice):
                 self._write(point, self._safe[point.name], True)
 
     def rest(self) -> None:
-        """See `ForeignDevice`: the safe values of the ports have come by `act`."""
+        """See `ForeignDevice`: the ports have got their safe values."""
+
+    def leave(self) -> None:
+        """See `ForeignDevice`: as at STOP, its safe values are read back."""
+        self.stop()
 
     def go(self) -> None:
         """See `ForeignDevice`."""

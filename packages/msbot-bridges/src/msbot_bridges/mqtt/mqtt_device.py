@@ -8,7 +8,7 @@ the battery of a wireless device.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from msbot.part import Message
@@ -105,20 +105,29 @@ class MqttDevice(ForeignDevice):
             self._commands[port] = own if message == own.safe else own.stopping_at(message, self.model.readings)
             self._reported_safe.discard(port)
 
+    def rests_at(self, port: str, message: Message) -> None:
+        """See `ForeignDevice`."""
+        self.safe_is(port, message)
+        self.act(port, message)
+
     def stop(self) -> None:
         """See `ForeignDevice`."""
+        self._stop(list(self._commands.values()))
+
+    def leave(self) -> None:
+        """See `ForeignDevice`: as at STOP, but a cover without a robot moves to its end."""
+        self._stop([one for one in self._commands.values() if one.safe is not None])
+
+    def _stop(self, commands: Sequence[CommandPort]) -> None:
         if not self._is_stopping:
             self._is_stopping, self._times_told = True, 0
             stopped = self._reported_safe - self._unanswered
-            self._unconfirmed = {
-                one.port: one for one in self._commands.values() if one.safe_words and one.port not in stopped
-            }
+            self._unconfirmed = {one.port: one for one in commands if one.safe_words and one.port not in stopped}
         elif self._now() - self._told_at < AGAIN_S[min(self._times_told, len(AGAIN_S) - 1)]:
             return
         self._times_told += 1
         self._told_at = self._now()
-        waiting = self._unconfirmed.values() if self._times_told > 1 else self._commands.values()
-        for command in list(waiting):
+        for command in list(self._unconfirmed.values()) if self._times_told > 1 else commands:
             for order in command.stop:
                 self._send(order, True)
 
