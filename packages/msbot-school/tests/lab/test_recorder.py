@@ -238,7 +238,7 @@ def test_what_is_named_and_not_there_is_told(recording: Path, tmp_path: Path) ->
 
 def test_a_piece_for_ros_2_is_read_by_its_own_programs_readers(tmp_path: Path) -> None:
     async def scene(robot: DemoRobot, operations: InProcessOperations) -> None:
-        await asyncio.sleep(2)
+        await asyncio.sleep(6)
         await operations.do("stop", who="Ada", reason="a finger")
 
     whole, piece = tmp_path / "a.mcap", tmp_path / "ros.mcap"
@@ -269,7 +269,7 @@ def test_a_piece_for_ros_2_is_read_by_its_own_programs_readers(tmp_path: Path) -
 
 def test_a_topic_that_ros_2_shares_is_recorded_as_ros_2_has_it(tmp_path: Path) -> None:
     async def scene(_robot: DemoRobot, _operations: InProcessOperations) -> None:
-        await asyncio.sleep(2)
+        await asyncio.sleep(6)
 
     whole, piece = tmp_path / "a.mcap", tmp_path / "ros.mcap"
     shared = {

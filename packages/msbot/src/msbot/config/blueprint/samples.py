@@ -32,6 +32,9 @@ name = "knob"
 part = "POT-10K"
 description = "Sets how strongly the fan blows"
 
+[slot.settings]
+period_s = 0.5                             # a turn is published at once; a knob at rest says so twice a second
+
 [[slot]]
 name = "fan"
 part = "FAN-5V"
