@@ -24,8 +24,12 @@ from msbot.recording.recorder.recording_file import RingLimits
 from msbot_agent.process.timer_grid import until_step
 from msbot_xrce.lazy import dataclass
 
-DRAIN_S: Final = 0.2
+DRAIN_S: Final = 0.5
 """How often what was heard is handed over: so much is lost when the robot is killed."""
+BUSY_DRAIN_S: Final = 0.1
+"""How often that is while so much is heard that a pause of `DRAIN_S` would fill the pipe."""
+BUSY_OCTETS: Final = 32 << 10
+"""Octets of one hand-over from which on it is so."""
 MOST_WAITING: Final = 8 << 20
 """Octets that may wait for the recorder's process."""
 AGAIN_S: Final = 3.0
@@ -100,13 +104,18 @@ class RecorderProcess:
         self._feeder = threading.Thread(target=self._feed, name="msbot-recorder-feed", daemon=True)
         self._feeder.start()
 
-    def hand_over(self) -> None:
-        """Give the process what was heard since the last time; called in the robot's event loop."""
+    def hand_over(self) -> int:
+        """Give the process what was heard since the last time; called in the robot's event loop.
+
+        Returns:
+            how many octets that were.
+        """
         octets = self.recorder.drain()
+        heard = len(octets)
         if octets:
             octets = self._given_at_once(octets)
         if not octets:
-            return
+            return heard
         with self._lock:
             is_full = self._waiting_octets + len(octets) > MOST_WAITING
             if not is_full:
@@ -116,6 +125,7 @@ class RecorderProcess:
             self._tell_left_out()
         else:
             self._waiting.put(octets)
+        return heard
 
     def _given_at_once(self, octets: bytes) -> bytes:
         """Write as much as the process takes without a wait; what is left is for the thread, which also finds out when
@@ -297,10 +307,10 @@ async def run_recorder(process: RecorderProcess) -> None:
     starting = asyncio.get_running_loop().run_in_executor(None, process.start)
     try:
         await asyncio.shield(starting)
-        loop = asyncio.get_running_loop()
+        loop, heard = asyncio.get_running_loop(), 0
         while True:
-            await asyncio.sleep(until_step(loop.time(), DRAIN_S))
-            process.hand_over()
+            await asyncio.sleep(until_step(loop.time(), DRAIN_S if heard < BUSY_OCTETS else BUSY_DRAIN_S))
+            heard = process.hand_over()
     finally:
         await starting  # what was heard until then is written all the same
         process.hand_over()
