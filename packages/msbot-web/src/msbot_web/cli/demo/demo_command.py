@@ -67,7 +67,8 @@ if TYPE_CHECKING:
     from msbot_web.gallery import ChangeWish
 
 REFRESH_S = 0.2
-STATUS_S = 1.0
+STATUS_S = 5.0
+"""How often a demo that prints lines says how all parts are; what changes it says at once."""
 ANSWERED_S = 0.3
 """How long the page has to answer whoever has chosen another robot, before this one ends."""
 
