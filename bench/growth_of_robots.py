@@ -2,11 +2,11 @@
 
     python -m bench.growth_of_robots [--quick] [--write]
 
-Parts: master and parts in one process, in virtual time, joined by the in-process link; each part says something to the
-next once a second. A day: the same with three parts, for 24 hours of virtual time; memory is looked at every two hours.
+Parts: see `bench/parts_of_a_robot.py`. A day: master and three parts in one process, joined by the in-process link, for
+24 hours of virtual time; each says something to the next once a second, memory is looked at every two hours.
 Pages: a real `msbot demo` with pages open in `bench/open_pages.py`, each number of them in several turns. Processor
 time is compared, not rates. `--write` puts the tables into bench/results/growth_of_robots.md and the curves into
-docs/explain/growth-robots.svg. Some 8 minutes; Linux.
+docs/explain/growth-robots.svg. Some 20 minutes; Linux.
 """
 
 from __future__ import annotations
@@ -30,6 +30,7 @@ from bench.crowd import PART_NUMBER, ROBOT, ring
 from bench.growth_curves import Curve, curves
 from bench.machine import describe_machine
 from bench.many_parts import cpu_s
+from bench.parts_of_a_robot import be_parts, table
 from bench.result import write_result
 from bench.running_demo import READY_S, running_demo
 from bench.scale import memory_mb
@@ -45,10 +46,8 @@ from msbot_agent.process.user_folders import PACKAGES
 
 PICTURE = Path(__file__).parent.parent / "docs/explain/growth-robots.svg"
 PARTS = (10, 30, 100, 300, 1000)
-MESSAGES = 30_000
-"""Of all parts together, for each row."""
 TURNS = 3
-"""Processes for each number of parts, one after the other."""
+"""Masters for each number of parts, one after the other."""
 DAY_S, LOOK_S = 24 * 3600.0, 2 * 3600.0
 WARM_LOOKS = 2
 """Looks at a day's memory after which it should be flat: what is kept for minutes and hours is full."""
@@ -62,11 +61,12 @@ def main() -> None:
     options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     options.add_argument("--quick", action="store_true", help="fewer rows, one turn, an hour in place of a day")
     options.add_argument("--write", action="store_true", help="keep tables in bench/results, curves in docs/explain")
-    options.add_argument("--be-crowd", type=int, help=argparse.SUPPRESS)
+    options.add_argument("--be-parts", help=argparse.SUPPRESS)
     options.add_argument("--be-day", type=float, help=argparse.SUPPRESS)
     chosen = options.parse_args()
-    if chosen.be_crowd:
-        print(json.dumps(run_virtual(be_crowd(chosen.be_crowd, MESSAGES / chosen.be_crowd, 1))))
+    if chosen.be_parts:
+        size, address = chosen.be_parts.split()
+        asyncio.run(be_parts(int(size), address))
         return
     if chosen.be_day:
         print(json.dumps(run_virtual(be_crowd(DAYS_PARTS, chosen.be_day, round(chosen.be_day / LOOK_S) or 4))))
@@ -75,7 +75,7 @@ def main() -> None:
     lines = [f"{describe_machine()}; load {os.getloadavg()[0]:.1f}"]
     print(lines[0], flush=True)
     for made in (
-        parts(drawn, PARTS[::2] if chosen.quick else PARTS, 1 if chosen.quick else TURNS),
+        table(drawn, PARTS[::2] if chosen.quick else PARTS, 1 if chosen.quick else TURNS),
         day(3600.0 if chosen.quick else DAY_S),
         pages(drawn, PAGES[::3] if chosen.quick else PAGES, 1 if chosen.quick else PAGE_TURNS),
     ):
@@ -91,11 +91,11 @@ def main() -> None:
         )
 
 
-# Parts of one robot, and a day.
+# A day.
 
 
 async def be_crowd(size: int, seconds: float, looks: int) -> dict[str, object]:
-    """So many parts in this process, each saying something to the next once a second; what it costs."""
+    """So many parts in this process, each saying something to the next once a second; its memory."""
     for package in PACKAGES:
         logging.getLogger(package).setLevel(logging.CRITICAL)
     collect_seldom()  # as a master does
@@ -107,7 +107,6 @@ async def be_crowd(size: int, seconds: float, looks: int) -> dict[str, object]:
         master.add_link(hub.server)
         tasks = [asyncio.ensure_future(master.run())]
         await master.ready.wait()
-        before_mb = memory_mb(os.getpid())
         crowd = [_part(slot.name, random, heard) for slot in blueprint.slots]
         tasks += [asyncio.ensure_future(part.run_async(hub.connect(), epoch_ns=lambda: 0)) for part in crowd]
         ends_at = asyncio.get_running_loop().time() + READY_S
@@ -116,21 +115,14 @@ async def be_crowd(size: int, seconds: float, looks: int) -> dict[str, object]:
                 raise SystemExit(f"not all of {size} parts became active")
             await asyncio.sleep(0.1)
         await asyncio.sleep(5.0)
-        heard[0], used_s, memory = 0, time.process_time(), [memory_mb(os.getpid())]
+        heard[0], memory = 0, [memory_mb(os.getpid())]
         for _ in range(looks):
             await asyncio.sleep(seconds / looks)
             memory.append(memory_mb(os.getpid()))
-        used_s = time.process_time() - used_s
         for task in tasks:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
-    return {
-        "heard": heard[0],
-        "expected": size * seconds,
-        "cpu_us": used_s / heard[0] * 1e6,
-        "part_kb": (memory[0] - before_mb) * 1024 / size,
-        "memory_mb": memory,
-    }
+    return {"heard": heard[0], "memory_mb": memory}
 
 
 def _part(name: str, random: Random, heard: list[int]) -> Part:
@@ -161,40 +153,6 @@ def _in_a_process(*words: str) -> dict[str, float]:
     done = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True)
     found: dict[str, float] = json.loads(done.stdout.splitlines()[-1])
     return found
-
-
-def parts(drawn: list[Curve], numbers: tuple[int, ...], turns: int) -> list[str]:
-    """More and more parts; the same number of messages in each row."""
-    lines = [
-        "| parts of one robot, a message a second each | CPU µs a message, beats and both ends included "
-        "| memory of a part and its session | arrived |",
-        "|---|---|---|---|",
-    ]
-    rounds: list[dict[int, dict[str, float]]] = []
-    for turn in range(turns):
-        order = numbers[:: -1 if turn % 2 else 1]
-        rounds.append({number: _in_a_process("--be-crowd", str(number)) for number in order})
-    # Of each turn its ratio to the mean of its round counts: how busy the machine is falls on all rows.
-    usual = statistics.median(statistics.mean(one["cpu_us"] for one in found.values()) for found in rounds)
-    costs = {}
-    for number in numbers:
-        shares = [
-            usual * found[number]["cpu_us"] / statistics.mean(one["cpu_us"] for one in found.values())
-            for found in rounds
-        ]
-        costs[number] = statistics.median(shares)
-        middle = {name: statistics.median(found[number][name] for found in rounds) for name in ("part_kb", "heard")}
-        arrived = middle["heard"] / rounds[0][number]["expected"]
-        lines.append(f"| {number:,} | {costs[number]:.0f} | {middle['part_kb']:.0f} kB | {arrived:.0%} |")
-    least, most = min(costs.values()), max(costs.values())
-    drawn.append(Curve("parts: CPU of a message, µs", list(costs.items())))
-    drawn.append(
-        Curve(
-            "parts: memory of each, kB",
-            [(number, statistics.median(found[number]["part_kb"] for found in rounds)) for number in numbers],
-        )
-    )
-    return [*lines, "", f"Median of {turns}. The dearest message costs {most / least - 1:.0%} more than the cheapest."]
 
 
 def day(seconds: float) -> list[str]:
