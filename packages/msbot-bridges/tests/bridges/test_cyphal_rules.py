@@ -52,6 +52,9 @@ class Bus:
     def take_in(self, device: CyphalNode) -> None:
         pass
 
+    def listen(self, device: CyphalNode) -> None:
+        pass
+
     def leave(self, device: CyphalNode) -> None:
         pass
 

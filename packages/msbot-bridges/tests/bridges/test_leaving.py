@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from random import Random
 from typing import Any
@@ -109,16 +109,28 @@ class Bridged:
     """A valve, its bridge, and the robot that it is in, in virtual time."""
 
     def __init__(self, robot: Any, valve: Valve) -> None:
-        self.robot, self.valve, self.world = robot, valve, Pipe(valve)
-        self.bridge = Bridge(self.world, self._connect)
+        self.robot, self.valve = robot, valve
         self._links = list[Any]()
-        robot._in_loop(self._start)
-        self.until(lambda: "begin" in valve.orders)
+        self._unsafe = dict[bytes, Mapping[str, Message]]()
+        self.begin()
         robot.send("flow", SOME)
         assert valve.percent == 60
 
+    def begin(self) -> None:
+        """A bridge begins."""
+        self.world = Pipe(self.valve)
+        self.bridge = Bridge(self.world, self._connect, unsafe=self._unsafe)
+        before = self.valve.orders.count("begin")
+        self.robot._in_loop(self._start)
+        self.until(lambda: self.valve.orders.count("begin") > before)
+
     def _start(self) -> None:
         self.running = asyncio.create_task(self.bridge.run())
+
+    def lose(self, *, is_reset: bool = False) -> None:
+        """The valve is out of reach, with all that it is told from now on."""
+        self.valve.lost_orders, self.valve.is_reset = 1000, is_reset
+        self.world.host.lost(self.valve, "the valve is gone")
 
     def _connect(self, _: object) -> Any:
         self._links.append(LossyLink(self.robot._hub.connect(), random=Random(1), drop=0.0))
@@ -299,3 +311,57 @@ def test_a_device_with_a_fault_is_left_safe_too() -> None:
         it.valve.trouble = ""
         it.robot._in_loop(lambda: it.world.host.news(it.valve))
         it.until(lambda: it.valve.orders[-1] == "begin")
+
+
+@pytest.mark.parametrize("is_reset", [False, True])
+def test_a_device_that_was_driven_when_it_was_lost_is_made_safe_when_it_is_found_again(is_reset: bool) -> None:
+    with bridged() as it:
+        it.robot._in_loop(lambda: it.lose(is_reset=is_reset))
+        it.robot.advance(1)
+        assert it.valve.percent == 60, "nothing has reached it"
+        it.valve.lost_orders, told = 3, len(it.valve.orders)
+        it.robot._in_loop(lambda: it.world.host.found(it.valve))
+        it.until(lambda: "begin" in it.valve.orders[told:])
+        assert it.valve.orders[told:] == (["begin"] if is_reset else [*["stop"] * 4, "end", "begin"])
+        assert it.valve.percent == (60 if is_reset else 20)
+
+
+def test_a_device_that_was_safe_when_it_was_lost_is_told_nothing_when_it_is_found_again() -> None:
+    with bridged() as it:
+        it.robot.send("flow", SAFE)
+        it.robot.unplug_partner()
+        it.robot._in_loop(it.lose)
+        it.robot.advance(1)
+        told = len(it.valve.orders)
+        it.robot._in_loop(lambda: it.world.host.found(it.valve))
+        it.until(lambda: "begin" in it.valve.orders[told:])
+        assert it.valve.orders[told:] == ["begin"]
+
+
+def test_a_device_that_was_driven_when_its_bus_ended_is_made_safe_by_the_next_bridge() -> None:
+    with bridged() as it:
+        it.valve.lost_orders = 100
+        it.robot._in_loop(it.world.ended.set)
+        it.until(it.running.done)
+        assert it.valve.percent == 60
+        it.valve.lost_orders, told = 0, len(it.valve.orders)
+        it.begin()
+        assert it.valve.orders[told:] == ["stop", "end", "begin"]
+        assert it.valve.percent == 20
+
+
+def test_a_device_that_gets_lost_again_while_it_is_made_safe_is_made_safe_the_next_time() -> None:
+    with bridged() as it:
+        it.robot._in_loop(it.lose)
+        it.robot.advance(1)
+        for _ in range(2):
+            it.valve.lost_orders, it.valve.is_mute, told = 0, True, len(it.valve.orders)
+            it.robot._in_loop(lambda: it.world.host.found(it.valve))
+            it.robot.advance(1)
+            assert "begin" not in it.valve.orders[told:]
+            it.robot._in_loop(it.lose)
+            it.robot.advance(1)
+            assert it.valve.orders[-1] == "end"
+        it.valve.lost_orders, it.valve.is_mute = 0, False
+        it.robot._in_loop(lambda: it.world.host.found(it.valve))
+        it.until(lambda: it.valve.orders[-3:] == ["stop", "end", "begin"])

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
-from msbot.part import Part
+from msbot.part import Message, Part
 from msbot.part.join.pnp_messages import Nature
 from msbot_agent.link import Link
 from msbot_bridges.bridge.bridged_part import BridgedPart
@@ -34,6 +34,8 @@ class Bridge:
         connect: makes a link to the master for a part.
         prepare: gives a part its key before it runs.
         nature: what is behind the parts: hardware, unless all devices are simulated.
+        unsafe: devices that were driven when they got out of reach, by UID, with the safe values of their ports; it is
+            kept for the next bridge to the same world.
     """
 
     def __init__(
@@ -42,7 +44,9 @@ class Bridge:
         connect: Callable[[Part], Link],
         prepare: Callable[[Part], None] = lambda _: None,
         nature: Nature = Nature.REAL,
+        unsafe: dict[bytes, Mapping[str, Message]] | None = None,
     ) -> None:
+        self._unsafe = {} if unsafe is None else unsafe
         self._world = world
         self._connect = connect
         self._prepare = prepare
@@ -160,9 +164,15 @@ class Bridge:
     async def _run(self, bridged: BridgedPart, before: asyncio.Task[None] | None) -> None:
         if before is not None:
             await asyncio.wait([before])  # the part with the same UID leaves first
+        uid = bridged.device.identity.uid
+        bridged.unsafe = self._unsafe.pop(uid, None)
         try:
             await bridged.run(self._connect)
         finally:
+            if bridged.unsafe is not None:
+                self._unsafe[uid] = bridged.unsafe
+                while len(self._unsafe) > MOST_DEVICES:
+                    del self._unsafe[next(iter(self._unsafe))]
             self._world.left(bridged.device)
 
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 from msbot.part import JoinState, Message, NotSafeYet, Part
 from msbot.part.beginner_hints import part_is_run
@@ -58,6 +58,8 @@ class BridgedPart:
         """The device is commanded by its robot; it is out of reach for good."""
         self._leaving: Leaving | None = None
         """From the last order to a device until its `end`."""
+        self.unsafe: Mapping[str, Message] | None = None
+        """The device was driven last, and has not reported that its ports have these safe values; None: it is safe."""
         self._driven = set[str]()
         """Ports that got something else than their safe value last."""
         self._is_over = asyncio.Event()
@@ -122,12 +124,25 @@ class BridgedPart:
             connect: makes a link to the master each time the part starts.
         """
         try:
+            if self.unsafe is not None and not self._is_over.is_set():
+                await self._make_safe(self.unsafe)
             while not self._is_over.is_set():
                 await self._run_once(connect)
             if self._leaving is not None:
                 await self._leaving.over()
         finally:
             self._finish()
+
+    async def _make_safe(self, values: Mapping[str, Message]) -> None:
+        """The device was driven when it got out of reach, and may still do that; somebody else may have its slot."""
+        _log.info("%s: it was driven when it was lost, and is made safe first", self.name)
+        self._was_in = True
+        for one in self.device.inputs:
+            if (safe := values.get(one.name)) is not None:
+                self.device.rests_at(one.name, safe)
+        leaving = self._leaving = Leaving(self.device, self.device.leave, self._has_left)
+        leaving.begin(LEAVE_S)
+        await leaving.over()
 
     async def _run_once(self, connect: Callable[[Part], Link]) -> None:
         if fault := self.device.fault:
@@ -174,6 +189,10 @@ class BridgedPart:
         self._changed.set()
         if why:
             self._is_gone = True
+            if self._driven or (self._leaving is not None and not self._leaving.is_over):
+                self.unsafe = self._safe_values()
+            if self.device.is_reset:
+                self.unsafe = None
             if self._leaving is not None:
                 self._leaving.cancel()
         elif self._leaving is not None:
@@ -251,7 +270,7 @@ class BridgedPart:
     def _joined(self) -> None:
         if self._leaving is not None:
             self._finish()  # the master is back before the device has reported that it is safe
-        self._was_in = self._has_begun = True
+        self._was_in, self._has_begun, self.unsafe = True, True, None
         who = self.device.identity
         self.part.log(f"{who.description}, {who.where}" if who.where else who.description)  # which software it has
         if remark := self.device.remark:
@@ -332,9 +351,14 @@ class BridgedPart:
                 self.device.rests_at(one.name, safe)
         self._driven.clear()
 
+    def _safe_values(self) -> Mapping[str, Message]:
+        values = {one.name: self.part.safe_value(one.name) or one.safe for one in self.device.inputs}
+        return {name: safe for name, safe in values.items() if safe is not None} or (self.unsafe or {})
+
     def _has_left(self, unreported: str) -> None:
         """The device is safe, or is not known to be."""
         why = f"it is out of its robot, and not known to be safe: {unreported}" if unreported else ""
+        self.unsafe = self._safe_values() if why else None
         if why:
             _log.warning("%s: %s", self.name, why)
         if self._is_over.is_set():

@@ -129,6 +129,8 @@ class ForeignDevice(ABC):
     """
 
     identity: DeviceIdentity
+    is_reset: bool = False
+    """It is lost because it has started anew: it no longer does what it was told. Its world sets it."""
     outputs: Sequence[DeviceOutput] = ()
     inputs: Sequence[Input] = ()
     settings: Sequence[DeviceSetting] = ()
@@ -180,7 +182,8 @@ class ForeignDevice(ABC):
         """The part leaves its robot, or the master is gone: `end` follows, and nobody corrects the device later.
 
         The safe values of all ports have come by `rests_at` before. Called again while `not_stopped` says that it is
-        not done, for a bounded time. Does what `rest` does, unless told otherwise.
+        not done, for a bounded time. It comes without `begin` when a device is found again that was out of reach while
+        it was driven. Does what `rest` does, unless told otherwise.
         """
         self.rest()
 

@@ -149,6 +149,7 @@ class CanopenWorld(World):
             state = data[0] & 0x7F  # the other bit is of node guarding
             if state == BOOT_UP:
                 if node.device is not None:
+                    node.device.is_reset = True
                     self._lose(node, f"node {node_id} has started anew")
                     self._nodes[node_id] = _Node(node_id, now)
             elif node.device is not None:

@@ -10,7 +10,7 @@ from typing import Final
 
 from msbot.cli.run.bridges_beside import BridgeBus, PluggableDevice
 from msbot.config import BridgeTable
-from msbot.part import Part
+from msbot.part import Message, Part
 from msbot.part.join.part_keys import given_key
 from msbot.part.join.pnp_messages import Nature
 from msbot_agent.link import Link
@@ -165,9 +165,10 @@ async def _run_bridge(
         part.key = given_key(None, part.part_number, part.uid.hex())
 
     nature = Nature.SIMULATED if table.simulate else Nature.REAL
+    unsafe = dict[bytes, Mapping[str, Message]]()
     while True:
         world: World = _kind(table).open(link)
-        bridge = Bridge(world, connect, prepare, nature)
+        bridge = Bridge(world, connect, prepare, nature, unsafe)
         try:
             await bridge.run()
         except LinkDown as error:

@@ -142,7 +142,7 @@ class CyphalBus:
             self._lose(node_id, f"node {node_id} has sent no heartbeat for 3 s")
         elif node_id != self._node.id:
             if old is not None:
-                self._lose(node_id, f"node {node_id} has started anew")
+                self._lose(node_id, f"node {node_id} has started anew", is_reset=True)
             self._begin(node_id, self._ask_who(node_id))
 
     async def _ask_who(self, node_id: int) -> None:
@@ -177,7 +177,7 @@ class CyphalBus:
             self._lose(node_id, f"node {node_id} is another device now")
             self._meet(node_id, info)
 
-    def _lose(self, node_id: int, why: str) -> None:
+    def _lose(self, node_id: int, why: str, *, is_reset: bool = False) -> None:
         self._doubtful.discard(node_id)
         self._who.pop(node_id, None)
         self._heartbeats.pop(node_id, None)
@@ -187,6 +187,7 @@ class CyphalBus:
         for key in [key for key in self._written if key[0] == node_id]:
             del self._written[key]
         if (device := self._devices.pop(node_id, None)) is not None:
+            device.is_reset = is_reset
             updated = "" if self._software is None else self._software.state_of(device.identity.unique)
             self._host.lost(device, updated or why)
 
@@ -241,7 +242,7 @@ class CyphalBus:
         device = self._devices.get(_source(transfer))
         if device is not None and device.is_updating and int(told.mode.value) != MODE_SOFTWARE_UPDATE:
             # It may have started so soon after the last time that its time since then tells nothing.
-            self._lose(device.node_id, f"node {device.node_id} has started anew")
+            self._lose(device.node_id, f"node {device.node_id} has started anew", is_reset=True)
             self._begin(device.node_id, self._ask_who(device.node_id))
         elif device is not None:
             self._doubt(device.node_id, int(told.uptime), transfer.transfer_id)
@@ -291,8 +292,14 @@ class CyphalBus:
             self._begin(device.node_id, self._give_subjects(device))
             return
         self._given.pop(device.identity.unique, None)
+        self.listen(device)
+
+    def listen(self, device: CyphalNode) -> None:
+        """See `SubjectBus`."""
+        if device in self._subscribers:
+            return
         for port in device.ports.published:
-            if port in device.used:
+            if port in device.used and port.subject is not None:
                 self._listen(device, port)
 
     def _conflict(self, device: CyphalNode) -> str:

@@ -32,6 +32,9 @@ class SubjectBus(Protocol):
     def take_in(self, device: CyphalNode) -> None:
         """Give subjects to ports that have none, then listen to the others."""
 
+    def listen(self, device: CyphalNode) -> None:
+        """Listen to it, as far as its ports have subjects."""
+
     def leave(self, device: CyphalNode) -> None:
         """Listen to it no longer."""
 
@@ -184,6 +187,7 @@ class CyphalNode(UpdatableNode):
 
     def leave(self) -> None:
         """See `ForeignDevice`: as at STOP, it reports that it is safe."""
+        self._bus.listen(self)
         self.stop()
 
     def set(self, name: str, value: Value) -> None:
@@ -272,13 +276,12 @@ class CyphalNode(UpdatableNode):
 
     def heard(self, port: SubjectPort, told: Any) -> None:  # noqa: ANN401 - the library makes its classes when it runs
         """It has published a message."""
-        if self._report is None:
-            return
         for name, aspect in self._heard[port].items():
             assert aspect.read is not None
             if (message := aspect.read(told)) is None:
                 continue
-            self._report(name, message)
+            if self._report is not None:
+                self._report(name, message)
             if self.is_stopping:
                 self._confirm(aspect, message)
         if port.type_name == FEEDBACK and int(told.heartbeat.readiness.value) != ENGAGED and self.is_stopping:

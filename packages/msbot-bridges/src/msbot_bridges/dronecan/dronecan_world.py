@@ -157,6 +157,8 @@ class DronecanWorld(World):
             if is_same and not known.has_restarted:
                 known.is_doubtful = False
                 return
+            if is_same and known.device is not None:
+                known.device.is_reset = True
             self._lose(known, f"node {node_id} " + ("has started anew" if is_same else "is another device now"))
         known = self._nodes[node_id] = _Node(node_id, info, NodeParameters(self._node, node_id))
         known.parameters.read()

@@ -58,7 +58,8 @@ class Module:
         self.seen = now
         self.known: dict[Register, bytes] = {}
         """What it has answered."""
-        self.is_found = False
+        self.is_found = self.is_reset = False
+        """It was described; it has started anew, and no longer does what it was told."""
         self.is_streaming = False
         """Somebody wants its readings."""
         self.kept: dict[Register, bytes] = {}
@@ -240,6 +241,7 @@ class JacdacBus:
             if known.classes == classes and known.restarts <= restarts:
                 known.restarts = restarts
                 return
+            known.is_reset = True
             self._lose(known, "it has started anew")
         if len(self.modules) >= MOST_MODULES:
             self.left_out += 1

@@ -207,6 +207,7 @@ class JacdacWorld(World):
                 self._found(event.module)
             elif isinstance(event, ModuleLost):
                 if (device := self._devices.pop(event.module, None)) is not None:
+                    device.is_reset = event.module.is_reset
                     self._host.lost(device, event.why)
             elif (device := self._devices.get(event.module)) is not None:
                 device.heard(event.service, event.register, event.event, event.data)
