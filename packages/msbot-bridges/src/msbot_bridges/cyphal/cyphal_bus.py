@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import importlib
 import logging
+import time
 from collections.abc import Callable, Coroutine, Iterable
 from functools import partial
 from typing import Any, Final
@@ -22,7 +23,7 @@ from pycyphal.transport.can import CANTransport
 
 import can
 from msbot_bridges.bridge import DeviceIdentity, ForeignDevice, Value, WorldHost
-from msbot_bridges.canbus import Heartbeats, Neighbours, is_fd
+from msbot_bridges.canbus import FreshReports, Heartbeats, Neighbours, is_fd
 from msbot_bridges.canbus.image_folder import ImageFolder
 from msbot_bridges.canbus.software_update import SoftwareVersion
 from msbot_bridges.cyphal.aspect import READINESS, Builtin
@@ -97,6 +98,7 @@ class CyphalBus:
         self._silent = set[int]()
         """Node ids that were said not to answer."""
         self._node_is_closed = False
+        self._fresh = WeakKeyDictionary[CyphalNode, FreshReports]()
         self._versions = WeakKeyDictionary[CyphalNode, SoftwareVersion]()
         self._written: dict[tuple[int, str], Value] = {}
         self._ids, self._subjects = GivenNodeIds(), Subjects()
@@ -359,6 +361,8 @@ class CyphalBus:
         """See `SubjectBus`."""
         if port.subject is None or self._devices.get(device.node_id) is not device or self._node_is_closed:
             return
+        if urgent and not again:
+            self._fresh.setdefault(device, FreshReports()).told(device.stop_number, time.monotonic())
         if (again and port.subject in self._repeated) or (device.node_id in self._doubtful and not urgent):
             return
         if port.place is not None:
@@ -444,7 +448,9 @@ class CyphalBus:
 
         def hear(told: Any, transfer: TransferFrom) -> None:  # noqa: ANN401
             if transfer.source_node_id == device.node_id and device.node_id not in self._doubtful:
-                device.heard(port, told)
+                fresh = self._fresh.setdefault(device, FreshReports())
+                is_old = fresh.is_old(device.stop_number, port, float(transfer.timestamp.monotonic))
+                device.heard(port, told, is_old=is_old)
 
         subscriber = self._node.presentation.make_subscriber(class_of(port.type_name), port.subject)
         self._subscribers.setdefault(device, []).append(subscriber)

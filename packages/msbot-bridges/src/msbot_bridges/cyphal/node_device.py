@@ -134,6 +134,8 @@ class CyphalNode(UpdatableNode):
         """The safe values that the robot has said for inputs, with this STOP or when it left them."""
         self._is_in = self.is_stopping = False
         self._unconfirmed = frozenset[str]()
+        self.stop_number = 0
+        """Which STOP holds, or held last."""
         self._report: Report | None = None
         self._health, self._mode = NOMINAL, OPERATIONAL
         self._trouble = ""
@@ -203,6 +205,7 @@ class CyphalNode(UpdatableNode):
         """See `ForeignDevice`."""
         if not self.is_stopping:
             self.is_stopping = True
+            self.stop_number += 1
             self._unconfirmed = frozenset({FEEDBACK}) if self._is_disengaged_by_stop else self._last_driven()
         self._be_ready(STANDBY, urgent=True)
         for name in self._last_driven():
@@ -274,17 +277,18 @@ class CyphalNode(UpdatableNode):
             self._trouble = why
             self._bus.news(self)
 
-    def heard(self, port: SubjectPort, told: Any) -> None:  # noqa: ANN401 - the library makes its classes when it runs
-        """It has published a message."""
+    def heard(self, port: SubjectPort, told: Any, *, is_old: bool = False) -> None:  # noqa: ANN401 - the library makes its classes when it runs
+        """It has published a message; an old one may be of the time before STOP."""
+        is_confirming = self.is_stopping and not is_old
         for name, aspect in self._heard[port].items():
             assert aspect.read is not None
             if (message := aspect.read(told)) is None:
                 continue
             if self._report is not None:
                 self._report(name, message)
-            if self.is_stopping:
+            if is_confirming:
                 self._confirm(aspect, message)
-        if port.type_name == FEEDBACK and int(told.heartbeat.readiness.value) != ENGAGED and self.is_stopping:
+        if port.type_name == FEEDBACK and int(told.heartbeat.readiness.value) != ENGAGED and is_confirming:
             self._confirmed({FEEDBACK})
 
     def repeat(self) -> None:

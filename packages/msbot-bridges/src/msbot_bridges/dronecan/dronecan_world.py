@@ -21,7 +21,7 @@ from dronecan.driver.common import DriverError
 
 import can
 from msbot_bridges.bridge import DeviceIdentity, World, WorldHost, WorldThread
-from msbot_bridges.canbus import Heartbeats, Neighbours, open_bus
+from msbot_bridges.canbus import FreshReports, Heartbeats, Neighbours, open_bus
 from msbot_bridges.canbus.image_folder import ImageFolder
 from msbot_bridges.dronecan.can_driver import PythonCanDriver
 from msbot_bridges.dronecan.node_device import KINDS, NodeDevice
@@ -69,6 +69,7 @@ class _Node:
         """Another device may be there now; what it reports does not count."""
         self.seen: dict[str, Any] = {}
         self.device: NodeDevice | None = None
+        self.fresh = FreshReports()
 
     def is_who_says(self, info: Any) -> bool:  # noqa: ANN401
         """Whether that is what this node has said of itself."""
@@ -227,7 +228,8 @@ class DronecanWorld(World):
         elif kind in known.device.kinds:  # its ports are those of what it sent at first
             device, message = known.device, event.message
             device.numbered(kind, message)
-            self._thread.tell(lambda: device.heard(kind, message))
+            is_old = known.fresh.is_old(device.stop_number, kind, time.monotonic())
+            self._thread.tell(lambda: device.heard(kind, message, is_old=is_old))
 
     # New software
 
@@ -275,6 +277,7 @@ class DronecanWorld(World):
 
     def _ordered(self, known: _Node, urgent: bool) -> None:
         """From the loop: what a device is to do has changed."""
+        stop = known.device.stop_number if urgent and known.device is not None else 0
 
         def take() -> None:
             device = known.device
@@ -283,6 +286,8 @@ class DronecanWorld(World):
             if device.is_driven:
                 self._driven[known.node_id] = device
             self._drive()
+            if stop:
+                known.fresh.told(stop, time.monotonic())
             if not device.is_driven:
                 self._driven.pop(known.node_id, None)  # its safe value was sent just now
 

@@ -126,6 +126,8 @@ class NodeDevice(UpdatableNode):
         self._restart, self._update = restart, update
         self._report: Report | None = None
         self._unconfirmed = set[str]()
+        self.stop_number = 0
+        """Which STOP holds, or held last."""
 
     def begin(self, report: Report) -> None:
         """See `ForeignDevice`."""
@@ -176,6 +178,7 @@ class NodeDevice(UpdatableNode):
         """See `ForeignDevice`."""
         if not self.is_stopping:
             self._unconfirmed = {kind for kind in self.kinds if kind in _INPUTS}
+            self.stop_number += 1
         self.is_stopping = self.is_driven = True
         for kind in self.kinds:
             if (safe := self._safe(kind)) is not None:
@@ -252,20 +255,20 @@ class NodeDevice(UpdatableNode):
         self.is_critical, self.is_updating = is_critical, is_updating
         self._news(self)
 
-    def heard(self, kind: str, message: Any) -> None:  # noqa: ANN401 - the library makes its classes when it runs
-        """It has broadcast one of its messages."""
+    def heard(self, kind: str, message: Any, *, is_old: bool = False) -> None:  # noqa: ANN401 - as above
+        """It has broadcast one of its messages; an old one may be of the time before STOP."""
         report = self._report or (lambda _port, _message: None)
         if kind == ESC:
             report("turns", Speed(rpm=message.rpm))
             report("supply", Battery(volts=message.voltage, amperes=message.current, percent=math.nan))
             report("temperature", Temperature(celsius=message.temperature - 273.15))
-            self._confirm(kind, self._is_safe_power(message))
+            self._confirm(kind, not is_old and self._is_safe_power(message))
         elif kind == SERVO:
             degrees = math.degrees(message.position)
             report("position", Angle(degrees=degrees))
             safe = self._safe(kind)
             assert isinstance(safe, Angle)
-            self._confirm(kind, abs(degrees - safe.degrees) <= NEAR_DEGREES)
+            self._confirm(kind, not is_old and abs(degrees - safe.degrees) <= NEAR_DEGREES)
         elif kind == RANGE:
             in_range = message.reading_type == message.READING_TYPE_VALID_RANGE
             report("distance", Distance(metres=message.range if in_range else 0.0, in_range=in_range))
