@@ -23,6 +23,7 @@ from msbot_bridges.canopen.canopen_device import (
     SetUp,
 )
 from msbot_bridges.canopen.drive_device import DriveDevice
+from msbot_bridges.canopen.drive_states import QUICK_STOP
 from msbot_bridges.canopen.mapped_device import MappedDevice
 from msbot_bridges.canopen.node_description import DriveFacts, NodeDescription
 from msbot_bridges.canopen.objects import Entry
@@ -41,7 +42,7 @@ class Bus:
         self.sent: list[tuple[bytes, bool]] = []
         self.asked: list[int] = []
         """Of which STOP."""
-        self.written: list[tuple[Entry, int]] = []
+        self.written: list[tuple[Entry, int, bool]] = []
         self.news = 0
 
     def send(self, node_id: int, layout: PdoLayout, data: bytes, *, urgent: bool = False) -> None:
@@ -62,8 +63,8 @@ class Bus:
     def read(self, device: CanopenDevice, entries: Sequence[Entry], stop: int = 0) -> None:
         self.asked.append(stop)
 
-    def write(self, device: CanopenDevice, entry: Entry, value: int) -> None:
-        self.written.append((entry, value))
+    def write(self, device: CanopenDevice, entry: Entry, value: int, *, urgent: bool = False) -> None:
+        self.written.append((entry, value, urgent))
 
     def told(self, _: ForeignDevice) -> None:
         self.news += 1
@@ -176,3 +177,15 @@ def test_a_value_at_which_a_port_rested_is_not_that_of_the_next_stop() -> None:
     device.stop()
     device.reported({OUTPUTS: 1}, 1)
     assert "outputs have their safe values" in device.not_stopped
+
+
+def test_a_device_that_is_not_operational_is_told_by_sdo_before_others_are_set_up() -> None:
+    device, bus = module()
+    device.heartbeat(PRE_OPERATIONAL)
+    device.leave()
+    assert bus.sent == []
+    assert bus.written == [(OUTPUTS, 0, True)]
+    turning, bus = drive()
+    turning.heartbeat(PRE_OPERATIONAL)
+    turning.stop()
+    assert bus.written == [(objects.CONTROLWORD, QUICK_STOP, True)]

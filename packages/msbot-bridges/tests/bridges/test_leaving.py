@@ -356,12 +356,28 @@ def test_a_device_that_gets_lost_again_while_it_is_made_safe_is_made_safe_the_ne
         it.robot.advance(1)
         for _ in range(2):
             it.valve.lost_orders, it.valve.is_mute, told = 0, True, len(it.valve.orders)
+            it.valve._safe = Level(percent=0)
             it.robot._in_loop(lambda: it.world.host.found(it.valve))
             it.robot.advance(1)
             assert "begin" not in it.valve.orders[told:]
             it.robot._in_loop(it.lose)
             it.robot.advance(1)
             assert it.valve.orders[-1] == "end"
+            assert it.valve.percent == 20, "as its slot has it, though it was in none since"
         it.valve.lost_orders, it.valve.is_mute = 0, False
         it.robot._in_loop(lambda: it.world.host.found(it.valve))
         it.until(lambda: it.valve.orders[-3:] == ["stop", "end", "begin"])
+
+
+def test_a_device_that_is_found_again_is_made_safe_before_the_part_that_lost_it_has_said_goodbye() -> None:
+    with bridged() as it:
+        it.cut()  # nobody acknowledges the goodbye
+        it.robot._in_loop(it.lose)
+        it.robot.advance(0.1)
+        it.valve.lost_orders, told = 0, len(it.valve.orders)
+        it.robot._in_loop(lambda: it.world.host.found(it.valve))
+        it.robot.advance(0.1)
+        assert it.valve.orders[told:] == ["stop", "end"]
+        assert it.valve.percent == 20
+        it.cut(is_cut=False)
+        it.until(lambda: it.valve.orders[-1] == "begin")

@@ -160,19 +160,22 @@ class Bridge:
         self._leaving.add(one.task)
         one.task.add_done_callback(self._leaving.discard)
         one.bridged.end(why)
+        self._keep_unsafe(one.bridged)
+
+    def _keep_unsafe(self, bridged: BridgedPart) -> None:
+        """Its device may be found again before the part has said goodbye."""
+        unsafe, bridged.unsafe = bridged.unsafe, None
+        if unsafe is not None:
+            self._unsafe[bridged.device.identity.uid] = unsafe
+            while len(self._unsafe) > MOST_DEVICES:
+                del self._unsafe[next(iter(self._unsafe))]
 
     async def _run(self, bridged: BridgedPart, before: asyncio.Task[None] | None) -> None:
-        if before is not None:
-            await asyncio.wait([before])  # the part with the same UID leaves first
-        uid = bridged.device.identity.uid
-        bridged.unsafe = self._unsafe.pop(uid, None)
+        bridged.unsafe = self._unsafe.pop(bridged.device.identity.uid, None)
         try:
-            await bridged.run(self._connect)
+            await bridged.run(self._connect, before)
         finally:
-            if bridged.unsafe is not None:
-                self._unsafe[uid] = bridged.unsafe
-                while len(self._unsafe) > MOST_DEVICES:
-                    del self._unsafe[next(iter(self._unsafe))]
+            self._keep_unsafe(bridged)
             self._world.left(bridged.device)
 
 

@@ -117,15 +117,18 @@ class BridgedPart:
 
     # Life
 
-    async def run(self, connect: Callable[[Part], Link]) -> None:
+    async def run(self, connect: Callable[[Part], Link], before: asyncio.Task[None] | None = None) -> None:
         """Run the part until `end`.
 
         Args:
             connect: makes a link to the master each time the part starts.
+            before: runs the part with the same UID that leaves first; the device is not its own any more.
         """
         try:
             if self.unsafe is not None and not self._is_over.is_set():
                 await self._make_safe(self.unsafe)
+            if before is not None:
+                await asyncio.wait([before])
             while not self._is_over.is_set():
                 await self._run_once(connect)
             if self._leaving is not None:
@@ -352,8 +355,12 @@ class BridgedPart:
         self._driven.clear()
 
     def _safe_values(self) -> Mapping[str, Message]:
-        values = {one.name: self.part.safe_value(one.name) or one.safe for one in self.device.inputs}
-        return {name: safe for name, safe in values.items() if safe is not None} or (self.unsafe or {})
+        """What its ports are to have: the slot's values, those of the slot that it had before, or the device's own."""
+        kept = self.unsafe or {}
+        values = {
+            one.name: self.part.safe_value(one.name) or kept.get(one.name, one.safe) for one in self.device.inputs
+        }
+        return {name: safe for name, safe in values.items() if safe is not None}
 
     def _has_left(self, unreported: str) -> None:
         """The device is safe, or is not known to be."""

@@ -309,7 +309,7 @@ class CanopenBus:
         # After the orders that were given before: asked at once, the device would answer what it had before them.
         self._orders.post(partial(self._questions.post, read, urgent=True), urgent=True)
 
-    def write(self, device: CanopenDevice, entry: Entry, value: int) -> None:
+    def write(self, device: CanopenDevice, entry: Entry, value: int, *, urgent: bool = False) -> None:
         """See `NodeBus`."""
 
         def write() -> None:
@@ -318,7 +318,7 @@ class CanopenBus:
             except (SdoCommunicationError, SdoRefused) as error:
                 _log.warning("%s: %s was not written: %s", self._address, entry.where, error)
 
-        self._questions.post(write)
+        self._questions.post(write, urgent=urgent)
 
     def _has_read(self, device: CanopenDevice, values: dict[Entry, int], stop: int) -> None:
         self._reading.pop(device.node_id, None)

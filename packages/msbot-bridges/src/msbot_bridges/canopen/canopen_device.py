@@ -63,7 +63,7 @@ class NodeBus(Protocol):
             stop: which STOP the answer is about, for `reported`; 0: none.
         """
 
-    def write(self, device: CanopenDevice, entry: Entry, value: int) -> None:
+    def write(self, device: CanopenDevice, entry: Entry, value: int, *, urgent: bool = False) -> None:
         """Write an entry; what the device refuses is named in the log."""
 
 

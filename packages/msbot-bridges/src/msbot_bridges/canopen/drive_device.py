@@ -159,7 +159,7 @@ class DriveDevice(CanopenDevice):
         if self.is_operational:
             self._drive(urgent=True)
         else:
-            self._bus.write(self, objects.CONTROLWORD, self._word())
+            self._bus.write(self, objects.CONTROLWORD, self._word(), urgent=True)
 
     @property
     def not_still(self) -> str:

@@ -98,7 +98,7 @@ class MappedDevice(CanopenDevice):
             if self.is_operational:
                 self.order(self._values, entry, urgent=True)
             else:
-                self._bus.write(self, entry, value)
+                self._bus.write(self, entry, value, urgent=True)
         if not self._safe:
             self.confirm_still()
 
