@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import asyncio
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from msbot.config import BridgeTable
-from msbot.part.messages.standard import Angle, Colour, Level, Speed, Tone
+from msbot.part.messages.standard import Angle, Colour, Level, Speed, Switch, Tone
 from msbot.pnp import PartState
 from msbot_bridges.bridge import DeviceIdentity
 from msbot_bridges.jacdac.jacdac_bus import JacdacBus
@@ -17,8 +18,11 @@ from msbot_bridges.jacdac.services import INTENSITY, VALUE
 from msbot_bridges.modbus.device_table import read_device_table
 from msbot_bridges.modbus.modbus_device import ModbusDevice
 from msbot_bridges.modbus.points import ModbusPoint
+from msbot_bridges.mqtt.device_model import Order
+from msbot_bridges.mqtt.mqtt_device import MqttDevice
 from msbot_bridges.mqtt.own_broker.server import OwnBroker
 from tests.bridges.test_every_world import PUMP, robot_with
+from tests.bridges.test_ha_discovery import one as entity
 from tests.bridges.test_jacdac_frames import found
 from tests.bridges.test_mqtt_settings import ADOPTED, LAMP, is_in, plugged
 
@@ -51,6 +55,63 @@ def test_modbus_writes_it_and_waits_until_it_is_read_back() -> None:
     assert device.not_stopped == ""
     device.read(points["speed"], 0.0)
     assert written[-1] == ("speed", 100), "somebody else has written it"
+
+
+def test_modbus_is_left_when_the_safe_values_are_read_back() -> None:
+    device, written = pump()
+    points = {one.name: one for one in device.table.points}
+    device.act("speed", Speed(rpm=900))
+    device.rests_at("speed", Speed(rpm=100))
+    device.leave()
+    assert written[-2:] == [("speed", 100), ("valve", 0)]
+    device.leave()
+    assert written[-2:] == [("speed", 100), ("valve", 0)], "it is written again"
+    for name, value in (("speed", 100.0), ("valve", 0.0), ("turns", 900.0)):
+        device.read(points[name], value)
+    assert device.not_stopped == "unit 1 has not been read with the safe value of turns"
+    device.read(points["turns"], 100.0)
+    assert device.not_stopped == ""
+
+
+def test_modules_of_jacdac_are_left_when_they_have_reported_it() -> None:
+    module = found(JacdacBus(), MOTOR).module
+    device = ModuleDevice(module, lambda: None, lambda _: None)
+    device.act("power", Level(percent=90))
+    device.rests_at("power", Level(percent=50))
+    device.leave()
+    half = (0x4000).to_bytes(2, "little")
+    assert module.kept == {(1, VALUE): half, (1, INTENSITY): b"\1"}
+    assert device.not_stopped == "power has not reported its safe value"
+    device.heard(1, VALUE, 0, half)
+    device.heard(1, INTENSITY, 0, b"\1")
+    assert device.not_stopped == ""
+
+
+@pytest.mark.parametrize("stops", [True, False])
+def test_mqtt_is_left_as_at_stop_but_a_cover_moves_to_its_end(stops: bool) -> None:
+    sent, now = list[tuple[str, str, bool]](), [0.0]
+
+    def send(order: Order, is_urgent: bool) -> None:
+        sent.append((order.topic, order.payload, is_urgent))
+
+    cover = entity("cover", cmd_t="c", stat_t="s", set_pos_t="p", pos_t="ps")
+    light = entity("light", cmd_t="l", stat_t="ls")
+    model = replace(light, commands=[*light.commands, replace(cover.commands[0], port="cover")])
+    device = MqttDevice(model, send=send, news=lambda _: None, now=lambda: now[0])
+    device.act("thing", Switch(on=True))
+    if stops:
+        device.stop()
+    else:
+        device.rests_at("thing", Switch(on=False))
+        device.leave()
+    urgent = [("l", "OFF", True), *([("c", "STOP", True)] if stops else [])]
+    assert [one for one in sent if one[2]] == urgent
+    assert device.not_stopped.endswith("has not reported for thing that it is off")
+    device.heard("ls", "OFF", is_old=False)
+    assert device.not_stopped == ("" if not stops else "Box has not reported for cover that it stands still")
+    now[0] += 1
+    device.stop() if stops else device.leave()
+    assert [one for one in sent if one[2]] == [*urgent, *([("c", "STOP", True)] if stops else [])]
 
 
 def test_modules_of_jacdac_keep_it_with_power() -> None:
