@@ -10,6 +10,7 @@ from msbot.config import BridgeTable
 from msbot_agent.link import InprocHub
 from msbot_bridges.bridge import World, WorldHost, WorldKind
 from msbot_bridges.cli import bridge_runner
+from msbot_bridges.cli.device_process import DeviceProcess
 from msbot_xrce.errors import ConfigError, LocalProtocolError
 
 
@@ -60,3 +61,44 @@ async def test_mistakes_of_a_world_are_said_and_it_is_tried_again(
 async def test_a_network_that_cannot_be_used_ends_the_robot_with_its_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(ConfigError, match="no such bus"):
         await _run(monkeypatch, ConfigError("no such bus"))
+
+
+class _Noting(World):
+    """One that notes when it has ended; its devices are told something until then."""
+
+    def __init__(self, runs: asyncio.Event, ended: list[str]) -> None:
+        self._runs, self._ended = runs, ended
+
+    async def run(self, host: WorldHost) -> None:
+        self._runs.set()
+        try:
+            await asyncio.Event().wait()
+        finally:
+            await asyncio.sleep(0.1)
+            self._ended.append("bridge")
+
+
+class _Device(DeviceProcess):
+    def __init__(self, table: BridgeTable, ended: list[str]) -> None:
+        super().__init__(table, "device", {}, "")
+        self._noted = ended
+
+    async def run(self, address: str) -> None:
+        try:
+            await asyncio.Event().wait()
+        finally:
+            self._noted.append("device")
+
+
+async def test_simulated_devices_are_there_until_their_bridge_has_left_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    runs, ended, table = asyncio.Event(), list[str](), BridgeTable("notes", "here")
+    kind = WorldKind("notes", "here", lambda _: _Noting(runs, ended))
+    monkeypatch.setattr(bridge_runner, "worlds", lambda: {"notes": kind})
+    devices = [_Device(table, ended)]
+    (work,) = bridge_runner.RUNNER.coroutines([table], lambda _: InprocHub().connect(), print, devices)
+    task = asyncio.create_task(work)
+    await runs.wait()
+    await asyncio.sleep(0)
+    task.cancel()
+    await asyncio.wait([task])
+    assert ended == ["bridge", "device"]
