@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from random import Random
 from typing import Any
@@ -24,7 +24,7 @@ SOME, SAFE = Level(percent=60), Level(percent=20)
 class Valve(ForeignDevice):
     """A valve at the end of a wire that may lose orders and reports."""
 
-    inputs = (Input("flow", Level, safe=Level(percent=0)),)
+    inputs: Sequence[Input] = (Input("flow", Level, safe=Level(percent=0)),)
 
     def __init__(self) -> None:
         self.identity = DeviceIdentity("test", "valve", b"1", "Valve", where="there")
@@ -381,3 +381,30 @@ def test_a_device_that_is_found_again_is_made_safe_before_the_part_that_lost_it_
         assert it.valve.percent == 20
         it.cut(is_cut=False)
         it.until(lambda: it.valve.orders[-1] == "begin")
+
+
+def test_a_device_with_a_mistake_in_its_world_does_not_keep_others_from_being_left(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    with bridged() as it:
+
+        def fail(port: str, message: Message) -> None:
+            raise ZeroDivisionError("a mistake")
+
+        def fail_again() -> None:
+            raise ZeroDivisionError("another mistake")
+
+        it.valve.rests_at, it.valve.end = fail, fail_again  # type: ignore[method-assign]
+        it.leave()
+        assert "not known to be safe: ZeroDivisionError: a mistake" in it.why()
+        assert "another mistake" in caplog.text
+        assert it.world.is_left
+        assert it.running.exception() is None
+
+
+def test_a_device_that_moves_nothing_is_left_at_once() -> None:
+    with bridged() as it:
+        it.valve.inputs, it.valve.is_mute = (), True
+        assert it.leave() < 0.2
+        assert "not known to be safe" not in it.why()
+        assert it.valve.orders[-1] == "end"

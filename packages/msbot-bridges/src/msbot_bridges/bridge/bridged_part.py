@@ -140,10 +140,13 @@ class BridgedPart:
         """The device was driven when it got out of reach, and may still do that; somebody else may have its slot."""
         _log.info("%s: it was driven when it was lost, and is made safe first", self.name)
         self._was_in = True
-        for one in self.device.inputs:
-            if (safe := values.get(one.name)) is not None:
-                self.device.rests_at(one.name, safe)
-        leaving = self._leaving = Leaving(self.device, self.device.leave, self._has_left)
+
+        def rest() -> None:
+            for one in self.device.inputs:
+                if (safe := values.get(one.name)) is not None:
+                    self.device.rests_at(one.name, safe)
+
+        leaving = self._leaving = Leaving(self.device, rest, self.device.leave, self._has_left)
         leaving.begin(LEAVE_S)
         await leaving.over()
 
@@ -327,16 +330,17 @@ class BridgedPart:
 
     def _leave(self) -> None:
         """The device gets its last orders, and is told them until it has reported that it has obeyed."""
-        tell = self.device.stop if self.part.stopped else self.device.leave
-        if not self.part.stopped:
-            self._let_go()
+        first, tell = self._let_go, self.device.leave
+        if self.part.stopped:
+            first, tell = self._driven.clear, self.device.stop
         if self._again is not None:
             self._again.cancel()
             self._again = None
         if self._is_gone:
+            first()
             tell()
             return
-        self._leaving = Leaving(self.device, tell, self._has_left)
+        self._leaving = Leaving(self.device, first, tell, self._has_left)
         is_ending = self._is_over.is_set() or self.part.state is JoinState.ENDED
         self._leaving.begin(LEAVE_S if is_ending else MASTERLESS_S)
 
@@ -392,4 +396,7 @@ class BridgedPart:
         self._has_begun = False
         if self._was_in:
             self._was_in = False
-            self.device.end()
+            try:
+                self.device.end()
+            except Exception:  # of a world that an extension has brought: others are left all the same
+                _log.exception("%s", self.name)

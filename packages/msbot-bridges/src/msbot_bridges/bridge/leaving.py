@@ -29,13 +29,20 @@ class Leaving:
 
     Args:
         device: the device.
-        tell: tells it; called again and again.
+        first: gives it the safe values of its ports.
+        tell: tells it to have them; called again and again.
         ended: called once, with what the device has not reported as a sentence; empty: it has reported everything.
     """
 
-    def __init__(self, device: ForeignDevice, tell: Callable[[], None], ended: Callable[[str], None]) -> None:
+    def __init__(
+        self,
+        device: ForeignDevice,
+        first: Callable[[], None],
+        tell: Callable[[], None],
+        ended: Callable[[str], None],
+    ) -> None:
         self.is_over = False
-        self._device, self._tell_once, self._ended = device, tell, ended
+        self._device, self._first, self._tell_once, self._ended = device, first, tell, ended
         self._loop = asyncio.get_running_loop()
         self._until = self._loop.time()
         self._timer: asyncio.TimerHandle | None = None
@@ -44,7 +51,7 @@ class Leaving:
     def begin(self, patience_s: float) -> None:
         """Tell it for the first time, and again for so long."""
         self._until += patience_s
-        self._tell()
+        self._tell(self._first)
 
     def end_within(self, seconds: float) -> None:
         """The part ends: it waits no longer than that."""
@@ -56,7 +63,7 @@ class Leaving:
         """The device has reported something."""
         if self.is_over:
             return
-        why = self._device.not_stopped
+        why = self._device.not_stopped if self._device.inputs else ""
         if not why or self._loop.time() >= self._until:
             self._end(why)
 
@@ -72,9 +79,10 @@ class Leaving:
         """Wait until it is over, in whatever way."""
         await self._over.wait()
 
-    def _tell(self) -> None:
+    def _tell(self, first: Callable[[], None] = lambda: None) -> None:
         self._timer = None
         try:
+            first()
             self._tell_once()
         except Exception as error:  # of a world that an extension has brought: the part ends all the same
             _log.exception("%s", self._device.identity.where)
