@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import logging
-from contextlib import AsyncExitStack
 from pathlib import Path
 from uuid import uuid4
 
@@ -12,12 +10,13 @@ import pytest
 from msbot.config import BridgeTable
 from msbot.pnp import PartState
 from tests.bridges.hosts import in_thread
-from tests.bridges.test_every_world import Plug, robot_with
-from tests.bridges.test_lossy_bus import MODULE, NODE, Loss, adopted, drive
-from tests.bridges.test_stop_not_confirmed import cyphal_servo
+from tests.bridges.test_every_world import robot_with
+from tests.bridges.test_lossy_bus import MODULE, NMT, NODE, SDO, TO_MODULE, Loss, adopted, drive, is_to_module
 
 pytest.importorskip("canopen")
 
+from msbot_bridges.canopen.canopen_bus import HEARTBEAT
+from msbot_bridges.canopen.canopen_device import OWN_ID
 from msbot_bridges.canopen.simulated.io_module import OUTPUTS, SimulatedIo
 
 
@@ -46,27 +45,22 @@ async def test_a_module_that_was_out_of_reach_while_it_was_driven_is_made_safe(l
         await robot.until(lambda: module.node.nmt.state == "PRE-OPERATIONAL")
 
 
-async def test_a_servo_on_cyphal_that_was_out_of_reach_reports_that_it_is_safe(
-    loss: Loss, tmp_path: Path, caplog: pytest.LogCaptureFixture
+async def test_a_module_that_was_driven_when_the_bus_went_off_is_made_safe_by_the_next_bridge(
+    loss: Loss, tmp_path: Path
 ) -> None:
-    pytest.importorskip("pycyphal")
-    caplog.set_level(logging.INFO, "msbot.part")
-    number = "org.msbot:simcyphalservo"
-    async with AsyncExitStack() as stack:
-        plug = Plug("cyphal", "servo", tmp_path, stack)
-        async with robot_with(tmp_path, [plug.bridge]) as robot, cyphal_servo(plug) as (stick, mend):
-            await robot.until(lambda: (found := robot.part(number)) is not None and found.says is not None)
-            await robot.do("adopt", who="ann", part=number, slot="guest")
-            await robot.until(lambda: robot.is_in(number, PartState.ACTIVE))
-            await robot.until(lambda: not robot.is_in(number, PartState.ACTIVE))  # it gets its subjects
-            await robot.until(lambda: robot.is_in(number, PartState.ACTIVE))
-            await robot.do("publish", who="ann", port="guest.angle", values=["30"], seconds=60.0)
-            await stick()  # it is engaged
-            await mend()
-            loss.lose(1_000_000, lambda message: message.arbitration_id & 0x7F in (44, 125))
-            await robot.until(lambda: robot.is_in(number, PartState.LOST, PartState.LEFT))
-            await robot.do("remove_slot", who="ann", slot="guest")
-            loss.left = 0
-            await robot.until(lambda: not robot.is_in(number, PartState.LOST, PartState.LEFT))
-    assert "is made safe first" in caplog.text
-    assert "not known to be safe" not in caplog.text
+    bus, more = f"msbot:{uuid4().hex[:12]}", adopted(tmp_path, MODULE, "out_1 = { on = true }")
+    module = SimulatedIo(bus, NODE)
+    async with (
+        in_thread(module.run_in_thread, module.end),
+        robot_with(tmp_path, [BridgeTable("canopen", bus)], more) as robot,
+    ):
+        await drive(robot, MODULE, "out_2", "true", lambda: module.get(OUTPUTS) & 2)
+        loss.is_off = True
+        loss.lose(1_000_000, is_to_module(TO_MODULE, SDO, NMT, HEARTBEAT + OWN_ID))
+        await robot.until(lambda: robot.is_in(MODULE, PartState.LOST, PartState.LEFT))
+        assert any("the bridge to it has ended" in line and "bus-off" in line for line in robot.master.why(MODULE))
+        assert module.get(OUTPUTS) & 2
+        await robot.do("remove_slot", who="ann", slot="arm")
+        loss.left = 0
+        await robot.until(lambda: module.get(OUTPUTS) == 1)
+        await robot.until(lambda: module.node.nmt.state == "PRE-OPERATIONAL")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import threading
 from collections.abc import Callable
 from pathlib import Path
 from uuid import uuid4
@@ -26,6 +27,8 @@ from msbot_bridges.dronecan.simulated_servo import SimulatedServo
 MODULE, SERVO = "vendor-0x4d53:SimIO", "org.msbot:simservo"
 NODE = 6
 TO_MODULE, SDO, NMT = 0x200 + NODE, 0x600 + NODE, 0x000
+LATE_S = 0.4
+"""The library asks again before that."""
 ARRAY_COMMAND = 1010
 """The number of DroneCAN's message to servos."""
 
@@ -36,12 +39,16 @@ class Loss:
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.left = 0
         """So many more frames get lost."""
+        self.is_off = False
+        """The controllers are bus-off instead, as far as they send such frames."""
         self._matches: Callable[[can.Message], bool] = lambda _: False
         own = FrameSender.send
 
         def send(sender: FrameSender, message: can.Message) -> bool:
             if self.left and self._matches(message):
                 self.left -= 1
+                if self.is_off:
+                    raise can.CanOperationError("bus-off")
                 return False
             return own(sender, message)
 
@@ -92,6 +99,27 @@ async def test_a_module_has_its_safe_values_when_its_bridge_has_left(
             await drive(robot, MODULE, "out_2", "true", lambda: module.get(OUTPUTS) & 2)
             loss.lose(5, is_to_module(*lost))
         assert loss.left == 0
+        assert module.get(OUTPUTS) == 1
+        assert module.node.nmt.state == "PRE-OPERATIONAL"
+    assert "not known to be safe" not in caplog.text
+
+
+async def test_a_module_that_answers_late_is_waited_for(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    bus, more = f"msbot:{uuid4().hex[:12]}", adopted(tmp_path, MODULE, "out_1 = { on = true }")
+    module = SimulatedIo(bus, NODE)
+    answer, timers = module.node.sdo.send_response, list[threading.Timer]()
+
+    def answer_late(response: bytes) -> None:
+        timers.append(threading.Timer(LATE_S, answer, [response]))
+        timers[-1].start()
+
+    async with in_thread(module.run_in_thread, module.end):
+        async with robot_with(tmp_path, [BridgeTable("canopen", bus)], more) as robot:
+            await drive(robot, MODULE, "out_2", "true", lambda: module.get(OUTPUTS) & 2)
+            module.node.sdo.send_response = answer_late
+        for timer in timers:
+            timer.join()
+        assert timers
         assert module.get(OUTPUTS) == 1
         assert module.node.nmt.state == "PRE-OPERATIONAL"
     assert "not known to be safe" not in caplog.text
