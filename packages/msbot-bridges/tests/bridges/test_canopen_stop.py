@@ -140,6 +140,7 @@ def test_a_heartbeat_of_before_it_was_started_is_no_confirmation() -> None:
     assert device.not_stopped == ""
     device.go()
     assert bus.commands[-1] == (START, False)
+    device.heartbeat(PRE_OPERATIONAL)
     device.stop()  # before it has reported that it is OPERATIONAL
     device.reported({OUTPUTS: 0}, 2)
     device.heartbeat(PRE_OPERATIONAL)  # as it was before `go`

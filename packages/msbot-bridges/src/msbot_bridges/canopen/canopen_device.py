@@ -236,11 +236,11 @@ class CanopenDevice(ForeignDevice):
         before, self.nmt_state = self.nmt_state, state
         if state == OPERATIONAL and before != OPERATIONAL:
             self.started()
-        if self.is_stopping and self._is_still and state in (PRE_OPERATIONAL, STOPPED) and not self._is_out:
-            self._is_out = not self._is_starting
-            self._news(self)
-        if state == OPERATIONAL or self._is_still:
+        if state == OPERATIONAL:
             self._is_starting = False
+        elif self.is_stopping and self._is_still and state in (PRE_OPERATIONAL, STOPPED) and not self._is_out:
+            self._is_out, self._is_starting = not self._is_starting, False
+            self._news(self)
         if self.fault:
             self._bus.read(self, self.still_entries())
 
