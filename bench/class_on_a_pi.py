@@ -25,8 +25,8 @@ from pathlib import Path
 
 import httpx
 
-from bench.classroom import PASSWORD, PERIOD_S, TICKS_PER_S, Pupil, Site
-from bench.machine import describe_machine
+from bench.classroom import PASSWORD, PERIOD_S, Pupil, Site
+from bench.machine import cpu_s, describe_machine
 from bench.open_pages import Heard, look_on
 from bench.open_pages import Site as PageSite
 from bench.quota import limited
@@ -67,10 +67,9 @@ def children_of(pid: int) -> list[int]:
 
 def _cpu_s(pid: int) -> float:
     try:
-        fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-    except OSError:
+        return cpu_s(pid)
+    except OSError:  # it has ended
         return 0.0
-    return (int(fields[11]) + int(fields[12])) / TICKS_PER_S
 
 
 def usage(pid: int) -> Usage:

@@ -24,6 +24,7 @@ from pathlib import Path
 from click.testing import CliRunner
 from playwright.sync_api import Page, sync_playwright
 
+from bench.machine import cpu_s
 from msbot.config import SAMPLE_ROBOT_TOML, load_library, parse_blueprint
 from msbot.registry import open_registry
 from msbot_school.classroom.remote_access import RemoteAccess, RemoteAccessFile
@@ -65,11 +66,6 @@ def person(db: Path, name: str, role: str) -> str:
     return runner.invoke(user, ["token", name, "class", *there]).output.strip()
 
 
-def processor_s(pid: int) -> float:
-    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
-
-
 def watch(page: Page, pid: int, address: str) -> None:
     """Print what the open page costs."""
     received = [0]
@@ -83,12 +79,12 @@ def watch(page: Page, pid: int, address: str) -> None:
     page.locator(".slot").nth(50).wait_for()
     print(f"loaded, tiles there after {time.perf_counter() - began:.2f} s")
     page.wait_for_timeout(3000)
-    received[0], used, began = 0, processor_s(pid), time.perf_counter()
+    received[0], used, began = 0, cpu_s(pid), time.perf_counter()
     page.wait_for_timeout(WATCHED_S * 1000)
     seconds = time.perf_counter() - began
     print(
         f"open: {received[0] / seconds:.0f} bytes/s to the browser, "
-        f"{(processor_s(pid) - used) / seconds * 100:.1f} % of a processor for master and page"
+        f"{(cpu_s(pid) - used) / seconds * 100:.1f} % of a processor for master and page"
     )
     page.get_by_label("Search").fill("R42")
     began = time.perf_counter()

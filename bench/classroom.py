@@ -28,7 +28,7 @@ from random import Random
 
 import httpx
 
-from bench.machine import describe_machine
+from bench.machine import cpu_s, describe_machine
 from bench.result import write_result
 from msbot import Distance, Level, Part
 from msbot.config import GROUP_ROBOT_TOML, blueprint_toml, for_groups, load_library, parse_blueprint
@@ -36,7 +36,6 @@ from msbot_agent.link.net import WebSocketClientLink
 
 PASSWORD = "thirty at once"
 LONGEST_S = 180.0
-TICKS_PER_S = os.sysconf("SC_CLK_TCK")
 PERIOD_S = 1.0
 PROGRAM = """from msbot import Distance, Level, Part
 part = Part("PILOT")
@@ -147,8 +146,7 @@ class Site:
 
     def used_s(self) -> float:
         """Processor time of the master, seconds."""
-        fields = Path(f"/proc/{self.process.pid}/stat").read_text().rpartition(")")[2].split()
-        return (int(fields[11]) + int(fields[12])) / TICKS_PER_S
+        return cpu_s(self.process.pid)
 
     def memory_mb(self) -> float:
         """Memory of the master, shared pages by their share."""

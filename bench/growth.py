@@ -30,8 +30,8 @@ from bench.agent import Result, agent, build_generator, pinned, start_agent, wai
 from bench.buses import Rates
 from bench.crowd import switch_on
 from bench.growth_curves import Curve, curves
-from bench.machine import describe_machine
-from bench.many_parts import PART_NUMBER, blueprint, cpu_s
+from bench.machine import cpu_s, describe_machine
+from bench.many_parts import PART_NUMBER, blueprint
 from bench.result import write_result
 from bench.scale import memory_mb, running
 from bench.scale import wait_for as wait_for_words

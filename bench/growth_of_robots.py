@@ -26,10 +26,10 @@ from collections.abc import Iterator
 from pathlib import Path
 from random import Random
 
+from bench.class_on_a_pi import usage
 from bench.crowd import PART_NUMBER, ROBOT, ring
 from bench.growth_curves import Curve, curves
 from bench.machine import describe_machine
-from bench.many_parts import cpu_s
 from bench.parts_of_a_robot import be_parts, table
 from bench.result import write_result
 from bench.running_demo import READY_S, running_demo
@@ -184,22 +184,25 @@ def _opened(link: str, number: int) -> Iterator[None]:
             browsers.wait()
 
 
-def _used(pid: int) -> float:
-    before, began = cpu_s(pid), time.monotonic()
+def _used(pid: int) -> tuple[float, float]:
+    """What a demo and its recorder take, of a core."""
+    before, began = usage(pid), time.monotonic()
     time.sleep(TURN_S)
-    return (cpu_s(pid) - before) / (time.monotonic() - began)
+    after, span_s = usage(pid), time.monotonic() - began
+    return (after.master_s - before.master_s) / span_s, (after.children_s - before.children_s) / span_s
 
 
 def pages(drawn: list[Curve], numbers: tuple[int, ...], turns: int) -> list[str]:
     """A demo of ten parts, with nobody looking and with pages open."""
-    alone, open_share = [], {number: list[float]() for number in numbers}
+    alone, recorder, open_share = list[float](), list[float](), {number: list[float]() for number in numbers}
     with tempfile.TemporaryDirectory() as name, running_demo(Path(name)) as (pid, link):
         time.sleep(SETTLED_S)
         for _ in range(turns):
             for number in numbers:
-                alone.append(_used(pid))
+                for found, kept in zip(_used(pid), (alone, recorder), strict=True):
+                    kept.append(found)
                 with _opened(link, number):
-                    open_share[number].append(_used(pid) - alone[-1])
+                    open_share[number].append(_used(pid)[0] - alone[-1])
         memory = memory_mb(pid)
     first = statistics.median(open_share[numbers[0]])
     lines = [
@@ -215,8 +218,12 @@ def pages(drawn: list[Curve], numbers: tuple[int, ...], turns: int) -> list[str]
             "pages: share of a core, %", [(number, 100 * statistics.median(open_share[number])) for number in numbers]
         )
     )
-    nobody = 100 * statistics.median(alone)
-    return [*lines, "", f"With nobody looking: {nobody:.1f} % of a core, {memory:.0f} MB afterwards."]
+    nobody, recording = 100 * statistics.median(alone), 100 * statistics.median(recorder)
+    return [
+        *lines,
+        "",
+        f"With nobody looking: {nobody:.2f} % of a core, its recorder {recording:.2f} %; {memory:.0f} MB afterwards.",
+    ]
 
 
 if __name__ == "__main__":

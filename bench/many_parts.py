@@ -33,7 +33,7 @@ from itertools import pairwise
 from pathlib import Path
 from random import randbytes
 
-from bench.machine import describe_machine
+from bench.machine import cpu_s, describe_machine
 from msbot.part import JoinState, Part
 from msbot_agent.link import open_link
 from msbot_agent.process.user_folders import PACKAGES
@@ -243,11 +243,6 @@ class Robot:
 
     def _said(self) -> str:
         return self._log.read_text(errors="replace") if self._log.exists() else ""
-
-
-def cpu_s(pid: int) -> float:
-    """Processor seconds of a process so far, of all its threads; to the nanosecond, as `clock_getcpuclockid(3)`."""
-    return time.clock_gettime(~pid << 3 | 2)
 
 
 @contextlib.contextmanager

@@ -35,7 +35,7 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 from websockets.typing import Origin
 
-from bench.machine import describe_machine
+from bench.machine import cpu_s, describe_machine
 from bench.stop import PARTS, by_page, by_socket, last_confirmation_ms, words
 from msbot.registry import open_registry
 from msbot.registry.edits import users
@@ -148,15 +148,9 @@ def flooding(site: str, pages: int, octets: int) -> Iterator[Any]:
             eve.kill()
 
 
-def cpu_s(master: Process) -> float:
-    """Processor seconds of a process so far."""
-    fields = Path(f"/proc/{master.pid}/stat").read_text().rpartition(")")[2].split()
-    return sum(map(int, fields[11:13])) / os.sysconf("SC_CLK_TCK")
-
-
 def row(title: str, robot: Robot, master: Process, ways: list[httpx.Client], said: Any, rounds: int) -> None:  # noqa: ANN401
     """Measure one kind of flood and print its row."""
-    began, used = time.monotonic(), cpu_s(master)
+    began, used = time.monotonic(), cpu_s(master.pid)
     answered: list[list[float]] = [[] for _ in ways]
     confirmed: list[float] = []
     go = by_socket(robot)
@@ -170,7 +164,7 @@ def row(title: str, robot: Robot, master: Process, ways: list[httpx.Client], sai
     seconds = time.monotonic() - began
     print(
         f"| {title} | {said.value:,} | {' | '.join(map(words, answered))} | {words(confirmed)} "
-        f"| {(cpu_s(master) - used) / seconds:.0%} | {os.getloadavg()[0]:.1f} |",
+        f"| {(cpu_s(master.pid) - used) / seconds:.0%} | {os.getloadavg()[0]:.1f} |",
         flush=True,
     )
 

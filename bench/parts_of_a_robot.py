@@ -22,7 +22,8 @@ from pathlib import Path
 from random import Random
 
 from bench.growth_curves import Curve
-from bench.many_parts import PART_NUMBER, Robot, blueprint, cpu_s
+from bench.machine import cpu_s
+from bench.many_parts import PART_NUMBER, Robot, blueprint
 from bench.scale import memory_mb
 from msbot import HelloWorld
 from msbot.part import JoinState, Part

@@ -9,7 +9,6 @@ with no page open. Needs Chromium and Linux.
 from __future__ import annotations
 
 import argparse
-import os
 import re
 import shutil
 import subprocess
@@ -20,19 +19,13 @@ from pathlib import Path
 
 from playwright.sync_api import Browser, Page, sync_playwright
 
-from bench.machine import describe_machine
+from bench.machine import cpu_s, describe_machine
 
 ARGUMENTS = ["--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking"]
 CURVES = "knob.level,ear.level,eye.colour,fan.power,hand.grip,beacon.colour,@beat,@bus,@late,@frames"
 SPANS = (10, 60, 300)
 SETTLE_S = 8.0
 FRAMES = "msbotPlotsFrames()"
-
-
-def cpu_s(pid: int) -> float:
-    """Processor seconds of a process so far."""
-    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
 def load(pid: int, seconds: float) -> float:

@@ -35,8 +35,8 @@ from typing import LiteralString
 import psycopg
 
 from bench.dds import enter
-from bench.machine import describe_machine
-from bench.many_parts import PART_NUMBER, be_parts, blueprint, cpu_s
+from bench.machine import cpu_s, describe_machine
+from bench.many_parts import PART_NUMBER, be_parts, blueprint
 from bench.result import write_result
 from msbot.config import load_library, parse_blueprint
 from msbot.pnp import PartEvent, PartState

@@ -28,8 +28,7 @@ from pathlib import Path
 from urllib.request import HTTPCookieProcessor, build_opener
 
 from bench.agent import free_port
-from bench.machine import describe_machine
-from bench.many_parts import cpu_s
+from bench.machine import cpu_s, describe_machine
 from bench.result import write_result
 from msbot.config import open_blueprint, write_sample
 from msbot.registry.records import database_identity

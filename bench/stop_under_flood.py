@@ -25,7 +25,7 @@ from typing import Any
 import httpx
 
 from bench.floods import Flood, flooding, http, tcp, tls, udp
-from bench.machine import describe_machine
+from bench.machine import cpu_s, describe_machine
 from bench.result import write_result
 from bench.stop import by_page, by_socket
 from tests.certificate import Certificate
@@ -52,12 +52,6 @@ TITLES = (
 def words(values: list[float]) -> str:
     """Median and longest."""
     return f"{statistics.median(values):.1f}, {max(values):.1f}" if values else "none"
-
-
-def cpu_s(pid: int) -> float:
-    """Processor seconds of a process so far."""
-    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-    return sum(map(int, fields[11:13])) / os.sysconf("SC_CLK_TCK")
 
 
 def memory_mb(pid: int) -> int:

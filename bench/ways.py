@@ -24,8 +24,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from random import randbytes
 
-from bench.machine import describe_machine
-from bench.many_parts import PART_NUMBER, blueprint, cpu_s
+from bench.machine import cpu_s, describe_machine
+from bench.many_parts import PART_NUMBER, blueprint
 from bench.result import write_result
 from bench.scale import running, wait_for
 from msbot import HelloWorld
