@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import ast
 import asyncio
+import gc
 import inspect
 import tomllib
+import weakref
 from importlib.metadata import version
 from pathlib import Path
 from typing import Literal
@@ -13,13 +15,16 @@ from typing import Literal
 import engineio
 import pytest
 import socketio
-from nicegui import Client, client, core
+from nicegui import Client, client, core, ui
 from nicegui.middlewares import RedirectWithPrefixMiddleware
 from nicegui.outbox import Outbox
+from nicegui.page import page as page_builder
 from packaging.requirements import Requirement
+from starlette.requests import Request
 
 from msbot.process.virtual_time import run_virtual
 from msbot_web import nicegui_internals, server
+from msbot_web.nicegui_internals.deleted_elements import free_deleted_elements
 from msbot_web.nicegui_internals.outboxes import let_outboxes_sleep
 from tools.sources import ROOT, source_files
 
@@ -102,6 +107,47 @@ def test_an_outbox_with_nothing_to_send_sleeps_until_it_is_told_and_ends(monkeyp
 
     monkeypatch.setattr(asyncio.Event, "wait", counted)
     run_virtual(main())
+
+
+class PageOfOurs:
+    def __init__(self, page: Client) -> None:
+        self.page = page
+        page.on_delete(self.closed)
+
+    def closed(self) -> None:
+        pass
+
+
+def test_what_was_deleted_of_a_page_and_what_it_told_are_freed_without_a_search(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(Client, "remove_elements", Client.remove_elements)
+    monkeypatch.setattr(core.app, "_delete_handlers", [])
+    free_deleted_elements()
+
+    async def main() -> None:
+        scope = {"type": "http", "method": "GET", "path": "/", "query_string": b"", "headers": [], "app": core.app}
+        page = Client(page_builder("/"), request=Request(scope))
+        told = weakref.ref(PageOfOurs(page))
+        with page:
+            box = ui.column()
+            with box:
+                line = ui.label("a line").classes("wide").style("color: red").props("dense")
+        parts = [weakref.ref(part) for part in (line, line._props, line._classes, line._style)]
+        del line
+        box.clear()
+        assert [part() for part in parts] == [None] * len(parts)
+        kept = weakref.ref(box)
+        del box
+        assert None not in (kept(), told())
+        page.delete()
+        assert (kept(), told()) == (None, None)
+
+    gc.disable()
+    try:
+        asyncio.run(main())
+    finally:
+        gc.enable()
 
 
 def test_what_is_used_is_what_it_was() -> None:

@@ -15,6 +15,7 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from msbot_web.access.content_policy import NonceLoader
+from msbot_web.nicegui_internals.deleted_elements import free_deleted_elements
 from msbot_web.nicegui_internals.outboxes import let_outboxes_sleep
 from msbot_web.nicegui_internals.startup import undisturbed
 
@@ -37,6 +38,7 @@ def serve_pages(app: FastAPI, *, title: str, icon: Path, kept_s: float, not_ther
     """
     _mark_page_scripts()
     let_outboxes_sleep()
+    free_deleted_elements()
     ui.run_with(
         app, title=title, dark=None, show_welcome_message=False, tailwind=False, reconnect_timeout=kept_s, favicon=icon
     )
