@@ -68,8 +68,9 @@ async def be_parts(size: int, address: str) -> None:
     def speak(part: Part, due: float, period: float) -> None:
         nonlocal said
         if period == period_s:
-            part.publish("out", HelloWorld(index=said, message="as a small part says it"))
-            said += 1
+            said += 1  # also what a part that has lost its robot cannot say
+            if part.state is JoinState.ACTIVE:
+                part.publish("out", HelloWorld(index=said, message="as a small part says it"))
             due += period
             loop.call_at(due, speak, part, due, period)
 
