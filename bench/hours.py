@@ -240,12 +240,13 @@ async def watch(eye: Eye, site: Site, hours: float, looks: int) -> tuple[list[Lo
             await use(site, done, heard, WARM_UP)
     seen = [eye.look()]
     print(seen[0].cells(), flush=True)
-    using, began = asyncio.create_task(use(site, done, heard, USUAL)), time.monotonic()
+    clock = asyncio.get_running_loop().time
+    using, began = asyncio.create_task(use(site, done, heard, USUAL)), clock()
     enough = asyncio.Event()
     asyncio.get_running_loop().add_signal_handler(signal.SIGTERM, enough.set)
     ending = asyncio.create_task(enough.wait())
     for number in range(1, looks + 1):
-        rest_s = began + number * hours * 3600 / looks - time.monotonic()
+        rest_s = began + number * hours * 3600 / looks - clock()
         await asyncio.wait([using, ending], timeout=max(rest_s, 0.0), return_when=asyncio.FIRST_COMPLETED)
         if using.done():
             await using  # it never ends but by an error

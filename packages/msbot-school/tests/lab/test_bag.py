@@ -57,7 +57,7 @@ def read(bag: Path) -> list[tuple[str, int, object]]:
 @pytest.mark.promise(PROMISE)
 def test_a_bag_that_is_recorded_at_once_is_the_one_that_a_recording_becomes(tmp_path: Path) -> None:
     async def scene(_robot: DemoRobot, operations: InProcessOperations) -> None:
-        await asyncio.sleep(2)
+        await asyncio.sleep(6)
         await operations.do("stop", who="Ada", reason="a finger")
 
     whole, bag, cut = (tmp_path / f"{name}.mcap" for name in ("whole", "bag", "cut"))

@@ -26,6 +26,9 @@ class Robot:
     def number(self, source: str) -> float | None:
         return self.numbers.get(source)
 
+    def numbers_since(self, source: str, heard: int | None) -> tuple[list[float], int]:
+        return [self.numbers[source]] if source in self.numbers else [], 0 if heard is None else heard + 1
+
     def part_in(self, slot: str) -> str:
         return self.parts.get(slot, "")
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections import deque
+from typing import Final
+
 from msbot.config import FieldKind
 from msbot.operations.running_robot import RunningRobot
 from msbot.part import Message
@@ -9,21 +12,37 @@ from msbot.sim import message_class
 from msbot_agent.space import Qos, Reader, Sample, Topic
 from msbot_agent.text.sentence import said
 from msbot_xrce.errors import ConfigError, RemoteProtocolError
-from msbot_xrce.lazy import dataclass
 
-MOST_WATCHED = 32
+MOST_WATCHED: Final = 32
+MOST_KEPT: Final = 256
+"""Messages that are kept for who looks now and then."""
 
 
-@dataclass(slots=True)
 class _Watch:
-    topic: str
-    message: type[Message]
-    field: str
-    reader: Reader | None = None
-    payload: bytes = b""
+    """The newest messages of a topic, and what their number is."""
 
-    def deliver(self, sample: Sample) -> bool:
-        self.payload = sample.payload
+    def __init__(self, topic: str, message: type[Message], field: str) -> None:
+        self.topic = topic
+        self.reader: Reader | None = None
+        self.payloads: deque[bytes] = deque(maxlen=MOST_KEPT)
+        self.count = 0
+        self._message = message
+        self._field = field
+
+    def listen(self, running: RunningRobot) -> None:
+        # Best effort hears reliable writers as well; the other way round nothing would come.
+        topic = Topic(self.topic, self._message.type_name)
+        self.reader = running.master.space.reader(topic, Qos(reliable=False, depth=1), self._deliver)
+
+    def number(self, payload: bytes) -> float | None:
+        try:
+            return float(getattr(self._message.decode(payload), self._field))
+        except RemoteProtocolError:
+            return None
+
+    def _deliver(self, sample: Sample) -> bool:
+        self.payloads.append(sample.payload)
+        self.count += 1
         return True
 
 
@@ -58,21 +77,28 @@ class LatestPortValues:
             oldest = self._watches.pop(next(iter(self._watches)))
             if oldest.reader is not None:
                 oldest.reader.close()
-        topic = Topic(found.topic, found.message.type_name)
-        # Best effort hears reliable writers as well; the other way round nothing would come.
-        found.reader = self._running.master.space.reader(topic, Qos(reliable=False, depth=1), found.deliver)
+        found.listen(self._running)
         self._watches[source] = found
 
     def newest(self, source: str) -> float | None:
         """The newest number; None: nothing has come, or nothing that can be read."""
         watch = self._watches.get(source)
-        if watch is None or not watch.payload:
-            return None
-        try:
-            value = getattr(watch.message.decode(watch.payload), watch.field)
-        except RemoteProtocolError:
-            return None
-        return float(value)
+        return watch.number(watch.payloads[-1]) if watch is not None and watch.payloads else None
+
+    def since(self, source: str, heard: int | None) -> tuple[list[float], int]:
+        """The numbers that have come since a look, and what to say at the next one: how many have been heard.
+
+        Args:
+            source: what is listened to.
+            heard: what the last look said; None: this is the first, which sees the newest number.
+        """
+        watch = self._watches.get(source)
+        if watch is None:
+            return [], 0
+        # There may be another topic since the last look, with a count of its own.
+        new = 1 if heard is None else watch.count - heard if heard <= watch.count else watch.count
+        payloads = list(watch.payloads)[-new:] if new else []
+        return [value for value in map(watch.number, payloads) if value is not None], watch.count
 
     def _find(self, source: str) -> _Watch:
         slot, _, rest = source.partition(".")

@@ -43,6 +43,10 @@ class RobotState(Protocol):
     def number(self, source: str) -> float | None:
         """The newest number of `SLOT.PORT` or `SLOT.PORT.FIELD`, or of `load`; None: nothing has come yet."""
 
+    def numbers_since(self, source: str, heard: int | None) -> tuple[list[float], int]:
+        """The numbers of a source that have come since a look, and what to give as `heard` at the next look; None: the
+        first, which sees the newest number."""
+
     def part_in(self, slot: str) -> str:
         """The name of the part in a slot; empty when there is none."""
 
@@ -71,6 +75,8 @@ class ConditionMemory:
     """What one condition has seen since its step began."""
 
     was: bool = False
+    heard: int | None = None
+    """How far the numbers of its source were seen."""
     least: float | None = None
     most: float | None = None
     first: str | None = None
@@ -139,8 +145,8 @@ class MovedBy(Condition):
 
     def holds(self, robot: RobotState, memory: ConditionMemory) -> bool:
         """See `Condition`."""
-        value = robot.number(self.source)
-        if value is not None:
+        values, memory.heard = robot.numbers_since(self.source, memory.heard)
+        for value in values:
             memory.least = value if memory.least is None else min(memory.least, value)
             memory.most = value if memory.most is None else max(memory.most, value)
         return memory.least is not None and memory.most is not None and memory.most - memory.least >= self.width
@@ -169,10 +175,10 @@ class RotatedBy(Condition):
 
     def holds(self, robot: RobotState, memory: ConditionMemory) -> bool:
         """See `Condition`."""
-        angle = robot.number(self.source)
-        if angle is not None:
+        angles, memory.heard = robot.numbers_since(self.source, memory.heard)
+        for angle in angles:
             if memory.angle is not None:
-                # The shorter way: between two looks nothing turns by more than half a turn.
+                # The shorter way: between two messages nothing turns by more than half a turn.
                 memory.turned += (angle - memory.angle + 180) % 360 - 180
             memory.angle = angle
         return abs(memory.turned) >= self.width

@@ -40,11 +40,14 @@ class RunningRobotState:
         """See `RobotState`."""
         if source == LOAD:
             return None if self._bus is None else 100 * self._bus.load()
-        try:
-            self._numbers.watch(source)  # another part may be there now, or another topic
-        except ConfigError:
-            return None
-        return self._numbers.newest(source)
+        return self._numbers.newest(source) if self._watches(source) else None
+
+    def numbers_since(self, source: str, heard: int | None) -> tuple[list[float], int]:
+        """See `RobotState`."""
+        if source == LOAD:
+            value = self.number(source)
+            return [] if value is None else [value], 0
+        return self._numbers.since(source, heard) if self._watches(source) else ([], 0)
 
     def part_in(self, slot: str) -> str:
         """See `RobotState`."""
@@ -83,6 +86,13 @@ class RunningRobotState:
     def is_stopped(self) -> bool:
         """See `RobotState`."""
         return self._running.master.stop.stopped
+
+    def _watches(self, source: str) -> bool:
+        try:
+            self._numbers.watch(source)  # another part may be there now, or another topic
+        except ConfigError:
+            return False
+        return True
 
     def _held(self, slot: str) -> Configuration | None:
         holder = self._running.holder(slot)

@@ -196,18 +196,18 @@ def test_a_changed_setting_is_obeyed_journalled_and_undone(blank: Page, demo: Si
     by_hand = page.get_by_role("dialog").get_by_text("hand", exact=True)
 
     def change() -> None:
-        field.fill("0.5")
+        field.fill("0.2")
         field.blur()
 
     again_until(change, lambda ms: expect(by_hand).to_be_visible(timeout=ms))
     go(page, f"{demo.base}/journal")
     page.get_by_role("tab", name="Changes by people").click()
-    line = page.get_by_text(re.compile("period_s of knob: 0.1 s -> 0.5 s"))
+    line = page.get_by_text(re.compile("period_s of knob: 0.5 s -> 0.2 s"))
     expect(line).to_be_visible()
     page.get_by_role("button", name="Undo").first.click()
     expect(page.get_by_text("undone", exact=True).first).to_be_visible()
     go(page, f"{demo.base}/?slot=knob")
-    expect(page.get_by_label("period_s [s]")).to_have_value("0.1")
+    expect(page.get_by_label("period_s [s]")).to_have_value("0.5")
 
 
 def test_a_first_visit_is_offered_a_tour_that_leads_through_the_page(page: Page, demo: Site) -> None:
