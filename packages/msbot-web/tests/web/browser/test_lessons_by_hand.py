@@ -89,7 +89,7 @@ def test_a_lesson_with_the_mouse(learn: Page, robot: Page) -> None:
             robot.mouse.click(box["x"] + share * box["width"], box["y"] + box["height"] / 2)
             expect(knob).to_contain_text(re.compile(shown))
 
-    again_until(turn, lambda patience_ms: ticked(learn, 4, patience_ms))  # a lesson looks a few times a second
+    again_until(turn, lambda patience_ms: ticked(learn, 4, patience_ms))
     button(robot, "Close").click()
     answer("it stands still")
     ticked(learn, 5)
