@@ -198,11 +198,14 @@ def pages(drawn: list[Curve], numbers: tuple[int, ...], turns: int) -> list[str]
     with tempfile.TemporaryDirectory() as name, running_demo(Path(name)) as (pid, link):
         time.sleep(SETTLED_S)
         for _ in range(turns):
+            for found, kept in zip(_used(pid), (alone, recorder), strict=True):
+                kept.append(found)
+        for _ in range(turns):
             for number in numbers:
-                for found, kept in zip(_used(pid), (alone, recorder), strict=True):
-                    kept.append(found)
+                # Pages are kept for a minute when their browsers have gone: they are in both figures.
+                before = _used(pid)[0]
                 with _opened(link, number):
-                    open_share[number].append(_used(pid)[0] - alone[-1])
+                    open_share[number].append(_used(pid)[0] - before)
         memory = memory_mb(pid)
     first = statistics.median(open_share[numbers[0]])
     lines = [
