@@ -27,7 +27,8 @@ def test_a_knob_that_is_turned_to_and_fro_between_two_looks_has_moved(pause_s: f
             await asyncio.sleep(pause_s)
         await asyncio.sleep(0.1)
         assert spans.holds(state, memory)
-        assert (memory.least, memory.most) == (pytest.approx(5, abs=1), pytest.approx(95, abs=1))
+        assert memory.least == pytest.approx(5, abs=1)
+        assert memory.most == pytest.approx(95, abs=1)
         assert state.numbers_since("knob.level", memory.heard)[0] == []
 
     lesson_scene(tmp_path, scene)
