@@ -12,15 +12,19 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
+from bench.agent import sources_of
+
 READY_S = 120.0
 
 
 @contextlib.contextmanager
-def running_demo(folder: Path, *words: str) -> Iterator[tuple[int, str]]:
-    """A demo with these further words of its command; its process and the link that signs in."""
+def running_demo(folder: Path, *words: str, python: str = sys.executable) -> Iterator[tuple[int, str]]:
+    """A demo with these further words of its command, of this version; its process and the link that signs in."""
     log = folder / "log"
-    command = [sys.executable, "-m", "msbot", "demo", "--port", "0", *words]
+    command = [python, "-m", "msbot", "demo", "--port", "0", *words]
     home = {**os.environ, "HOME": str(folder), "XDG_RUNTIME_DIR": str(folder)}
+    if python != sys.executable:
+        home["PYTHONPATH"] = ":".join(sources_of(Path(__file__).resolve().parent.parent))
     folder.chmod(0o700)
     with log.open("w") as out:
         demo = subprocess.Popen(
