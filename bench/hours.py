@@ -166,15 +166,19 @@ async def use(site: Site, done: Done, heard: Heard, pace: Pace) -> None:
         assert isinstance(slots, list)
         uid = random.choice([slot["part"]["uid"] for slot in slots if slot["part"]])
         await person.do(f"/parts/{uid}/block", reason="bench")
-        await asyncio.sleep(pace.away_s)
-        await person.do(f"/parts/{uid}/unblock")
+        try:
+            await asyncio.sleep(pace.away_s)
+        finally:  # also when the warm-up ends meanwhile
+            await person.do(f"/parts/{uid}/unblock")
         done.blocks += 1
         done.late += not await person.until_active()
 
     async def stop_and_go() -> None:
         await person.do("/stop", reason="bench")
-        await asyncio.sleep(pace.stopped_s)
-        await person.do("/go")
+        try:
+            await asyncio.sleep(pace.stopped_s)
+        finally:
+            await person.do("/go")
         done.stops += 1
 
     async with asyncio.TaskGroup() as group:

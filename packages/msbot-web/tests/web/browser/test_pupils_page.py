@@ -11,7 +11,7 @@ from playwright.sync_api import Browser, Page, expect
 
 from tests.e2e.processes import run, running
 from tests.web.browser.accessible import hurdles, hurdles_by_day_and_night
-from tests.web.browser.conftest import CLICK, Site, call, click_by_script, go, new_page, told
+from tests.web.browser.conftest import CLICK, Site, again_until, call, click_by_script, go, new_page, told
 from tests.web.browser.test_demo_pages import FITS
 
 PROGRAM = """from msbot import Distance, Level, Part
@@ -247,8 +247,12 @@ def test_a_form_stays_while_its_list_changes_and_two_clicks_let_a_class_in_once(
 
 def test_a_class_comes_in_by_code_name_and_pictures(browser: Browser, site: Site, teacher: Page) -> None:
     go(teacher, f"{site.base}/pupils")
-    teacher.get_by_role("button", name="Show a class ticket").click()
-    code = teacher.locator(".q-dialog .mono").first.inner_text()
+    ticket = teacher.locator(".q-dialog .mono").first
+    again_until(
+        teacher.get_by_role("button", name="Show a class ticket").click,
+        lambda ms: expect(ticket).to_be_visible(timeout=ms),
+    )
+    code = ticket.inner_text()
     newcomer = new_page(browser, width=320, height=700)
     newcomer.goto(f"{site.base}/login")
     newcomer.get_by_role("link", name="Sign in with a class code").click()
