@@ -75,10 +75,12 @@ class Program:
             if line.startswith(start):
                 return line.removeprefix(start).strip()
 
-    def tell(self, words: str) -> None:
+    async def tell(self, words: str) -> None:
+        """A line for the program: on return the program has done what it says."""
         assert self._process.stdin is not None
         self._process.stdin.write(words + "\n")
         self._process.stdin.flush()
+        await self.line("done")
 
     def kill(self) -> None:
         self._process.kill()

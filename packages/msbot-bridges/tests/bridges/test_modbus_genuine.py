@@ -55,18 +55,18 @@ async def pump_is_a_part(server: Program, host: Host) -> None:
     assert await server.line("written") == "coil 3 1"
 
     # The order has come, and the motor turns on: that is no confirmation.
-    server.tell("stuck")
+    await server.tell("stuck")
     device.stop()
     assert {await server.line("written"), await server.line("written")} == {"holding 16 0", "coil 3 0"}
     while device.not_stopped != "unit 1 has not been read with the safe value of turns":
         await heard.get()
-    server.tell("loose")
+    await server.tell("loose")
     await host.told.wait()
     assert device.not_stopped == ""
 
     # Somebody else writes it while STOP holds: it is written again.
     host.told.clear()
-    server.tell("write 16 500")
+    await server.tell("write 16 500")
     assert await server.line("written") == "holding 16 0"
     await host.told.wait()
     device.go()

@@ -57,18 +57,18 @@ async def test_a_device_of_home_assistant_is_a_part(broker: int) -> None:
             assert await desk.line("lamp") == '{"brightness": 102, "state": "ON"}'
             while (await heard.get())[1] != Level(percent=40):
                 pass
-            desk.tell("warm 33")
+            await desk.tell("warm 33")
             while await heard.get() != ("probe", Temperature(celsius=33)):
                 pass
 
-            desk.tell("mute")
+            await desk.tell("mute")
             device.stop()
             assert await desk.line("lamp") == '{"state": "OFF"}'
             assert await desk.line("relay") == "OFF"
             while "relay" in device.not_stopped:
                 await heard.get()
             assert device.not_stopped == "Desk desk1 has not reported for lamp that it is off"
-            desk.tell("speak")
+            await desk.tell("speak")
             while not host.told.is_set():
                 device.stop()  # as a bridge does again and again
                 await asyncio.sleep(0.05)
@@ -103,13 +103,13 @@ async def test_a_device_of_homie_is_a_part(broker: int) -> None:
             assert await lamp.line("level") == "70"
             while await heard.get() != ("level_state", Level(percent=70)):
                 pass
-            lamp.tell("mute")
+            await lamp.tell("mute")
             device.act("power", Switch(on=True))
             assert await lamp.line("power") == "true"
             device.stop()
             assert await lamp.line("power") == "false"
             assert device.not_stopped, "the broker has the order; the device has not said anything"
-            lamp.tell("speak")
+            await lamp.tell("speak")
             while not host.told.is_set():
                 device.stop()
                 await asyncio.sleep(0.05)

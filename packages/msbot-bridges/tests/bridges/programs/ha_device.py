@@ -101,3 +101,4 @@ for line in sys.stdin:
         probe.set_state(float(rest))
     elif word == "end":
         break
+    print("done", flush=True)

@@ -48,3 +48,4 @@ for one in state:
 print("ready", flush=True)
 for line in sys.stdin:
     reports = line.strip() == "speak"
+    print("done", flush=True)

@@ -1,6 +1,7 @@
 """pymodbus' own server, in a process of its own: `tcp` on a free port, or `rtu` on a device; prints what is written.
 
-Lines on its input: `stuck` and `loose` (whether the motor follows its order), `write ADDRESS VALUE`, `hang`.
+Lines on its input: `stuck` and `loose` (whether the motor follows its order), `write ADDRESS VALUE`; each is
+answered by `done`.
 """
 
 from __future__ import annotations
@@ -73,6 +74,7 @@ async def main():
         elif words[0] == "write":
             holding[int(words[1])] = int(words[2])
             motor["turns"] = holding[16] * 0.5
+        print("done", flush=True)
 
 
 asyncio.run(main())
