@@ -35,6 +35,7 @@ def client(key: int, session_id: int = 0x81, peer: Peer = "peer") -> Proxy:
         clock=lambda: 0.0,
         agent_id=bytes(8),
         mark=lambda _: None,
+        rest=lambda _: None,
     )
     session = partial(AgentSession, key, session_id, 508, epoch_ns=lambda: 0)
     return Proxy(ClientInfo(key, "fake:", peer, str(peer)), session, surroundings, 0.0, dead_after_s=30.0)

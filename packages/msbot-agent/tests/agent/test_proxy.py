@@ -28,6 +28,7 @@ class Pair:
     def __init__(self, *, echo: bool = True) -> None:
         self.now = 0.0
         self.marked: list[Proxy] = []
+        self.resting: list[Proxy] = []
         self.space = MemorySpace()
         surroundings = SharedAgentState(
             space=self.space,
@@ -38,6 +39,7 @@ class Pair:
             clock=lambda: self.now,
             agent_id=b"AGENT-ID",
             mark=self.marked.append,
+            rest=self.resting.append,
         )
         session = partial(AgentSession, KEY, 0x81, 508, epoch_ns=lambda: 0)
         info = ClientInfo(KEY, "fake:", "peer", "peer in words")
@@ -94,6 +96,24 @@ def test_marks_itself_when_there_is_something_to_send() -> None:
     pair.marked.clear()
     pair.space.writer(LIGHT, Qos(), bytes(16)).write(b"x")
     assert pair.marked == [pair.proxy]
+
+
+def test_nothing_waits_for_a_time_when_all_is_acknowledged() -> None:
+    pair = Pair()
+    pair.add_readers(1)
+    pair.space.writer(LIGHT, Qos(), bytes(16)).write(b"x")
+    (sample,) = pair.proxy.session.packets_to_send(0.0)
+    assert pair.proxy.timer() is not None
+    pair.marked.clear()
+    pair.proxy.is_marked, pair.proxy.is_timed = False, True
+    pair.proxy.receive(bytes.fromhex("810000000000000000000000"), 0.0)
+    assert (pair.marked, pair.resting) == ([pair.proxy], [])
+    pair.marked.clear()
+    pair.client.receive_packet(sample, 0.0)
+    (acknack,) = pair.client.packets_to_send(0.0)
+    pair.proxy.receive(acknack, 0.0)
+    assert (pair.marked, pair.resting) == ([], [pair.proxy])
+    assert pair.proxy.timer() is None
 
 
 def test_a_blocked_client_takes_no_samples() -> None:

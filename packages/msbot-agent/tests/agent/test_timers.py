@@ -129,7 +129,7 @@ def test_a_forgotten_owner_is_not_kept_alive() -> None:
 class Waiting:
     """A client as the flusher sees it; its session may have something to do at some time."""
 
-    is_over, place = False, None
+    is_over, place, is_timed = False, None, False
 
     def __init__(self, due_at: float | None) -> None:
         self.due_at = due_at
@@ -158,5 +158,31 @@ def test_a_check_that_comes_a_little_early_drops_what_is_done_and_does_nothing_b
         await asyncio.sleep(0.1)
         assert done.handled == []
         assert due.handled == pytest.approx([0.2])
+
+    run_virtual(main())
+
+
+def test_a_client_that_rests_does_not_wake_the_loop() -> None:
+    async def main() -> None:
+        loop = asyncio.get_running_loop()
+        flusher = Flusher(loop.time, lambda *_: None, transit=Transit(loop.time))
+        asked = list[float]()
+
+        class Asked(Waiting):
+            def timer(self) -> float | None:
+                asked.append(loop.time())
+                return super().timer()
+
+        client = Asked(0.2)
+        flusher._serve(cast("Proxy", client), loop.time())
+        assert client.is_timed
+        flusher.rest(cast("Proxy", client))
+        assert not client.is_timed
+        await asyncio.sleep(1.0)
+        assert (asked, client.handled) == ([0.0], [])
+        client.due_at = 1.2
+        flusher._serve(cast("Proxy", client), loop.time())
+        await asyncio.sleep(1.0)
+        assert client.handled == pytest.approx([1.2])
 
     run_virtual(main())

@@ -146,6 +146,14 @@ class Flusher:
         if len(self._marked) == 1 and not self.in_burst:
             asyncio.get_running_loop().call_soon(self.flush)
 
+    def rest(self, proxy: Proxy) -> None:
+        """Do not wake the client before it is served again: all that it sent was acknowledged.
+
+        Otherwise each message of a robot of many parts, which say something once a second, would wake the loop later.
+        """
+        self._timers.suspend(proxy)
+        proxy.is_timed = False
+
     def flush(self) -> None:
         """Serve all marked clients now."""
         self.in_burst = False
@@ -228,8 +236,9 @@ class Flusher:
         self.send(proxy, now)
         when = proxy.timer()
         if when is None:
-            self._timers.suspend(proxy)
+            self.rest(proxy)
         else:
+            proxy.is_timed = True
             self._timers.schedule(proxy, when)
             if when < self._alarm_at:
                 self._set_alarm(when)

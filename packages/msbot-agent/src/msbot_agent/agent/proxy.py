@@ -84,6 +84,7 @@ class Proxy:
         "is_blocked",
         "is_marked",
         "is_over",
+        "is_timed",
         "key",
         "limit",
         "logins",
@@ -127,6 +128,8 @@ class Proxy:
         """Whether the link has no room: samples then wait in the readers' histories."""
         self.is_marked = False
         """Whether the server will flush this client at the end of the turn."""
+        self.is_timed = False
+        """Whether the server has a time at which it wakes this client; kept by the server."""
         self.is_over = False
         """Whether the session has ended: deleted by the client, or given up by the agent."""
         self.gone: str | None = None
@@ -171,9 +174,12 @@ class Proxy:
                     handlers[type(event)](self, event)
             finally:
                 events.clear()
-        # A packet that calls for no answer, such as an ACKNACK, is over here; a timer that is left finds nothing to do.
-        if not self.is_marked and (self.is_over or not self.is_at_rest()):
-            self._surroundings.mark(self)
+        # A packet that calls for no answer, such as an ACKNACK, is over here.
+        if not self.is_marked:
+            if self.is_over or not self.is_at_rest():
+                self._surroundings.mark(self)
+            elif self.is_timed:
+                self._surroundings.rest(self)
 
     def is_at_rest(self) -> bool:
         """Whether there is nothing to send for it, and no time to wait for."""

@@ -107,6 +107,7 @@ class Agent:
             clock=self._now,
             agent_id=agent_id or os.urandom(8),
             mark=self._flusher.schedule,
+            rest=self._flusher.rest,
             replies=ReplyExchange(space),
             transit=self.latency.transit,
             references=references,

@@ -33,6 +33,8 @@ class SharedAgentState:
     """8 octets, drawn afresh for every agent: the first half of all its GUIDs."""
     mark: Callable[[Proxy], None]
     """Have the client's packets sent at the end of this turn of the loop."""
+    rest: Callable[[Proxy], None]
+    """Do not wake the client before it is marked again: nothing of it waits for a time."""
     replies: ReplyExchange
     transit: Transit
     references: References | None = None
