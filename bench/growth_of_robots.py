@@ -6,7 +6,7 @@ Parts: see `bench/parts_of_a_robot.py`. A day: master and three parts in one pro
 24 hours of virtual time; each says something to the next once a second, memory is looked at every two hours.
 Pages: a real `msbot demo` with pages open in `bench/open_pages.py`, each number of them in several turns. Processor
 time is compared, not rates. `--write` puts the tables into bench/results/growth_of_robots.md and the curves into
-docs/explain/growth-robots.svg. Some 20 minutes; Linux.
+docs/explain/growth-robots.svg. Some 35 minutes; Linux.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ from msbot_agent.process.user_folders import PACKAGES
 
 PICTURE = Path(__file__).parent.parent / "docs/explain/growth-robots.svg"
 PARTS = (10, 30, 100, 300, 1000)
-TURNS = 3
+TURNS = 2
 """Masters for each number of parts, one after the other."""
 DAY_S, LOOK_S = 24 * 3600.0, 2 * 3600.0
 WARM_LOOKS = 2
@@ -75,7 +75,7 @@ def main() -> None:
     lines = [f"{describe_machine()}; load {os.getloadavg()[0]:.1f}"]
     print(lines[0], flush=True)
     for made in (
-        table(drawn, PARTS[::2] if chosen.quick else PARTS, 1 if chosen.quick else TURNS),
+        table(drawn, PARTS[::2], 1, 5) if chosen.quick else table(drawn, PARTS, TURNS),
         day(3600.0 if chosen.quick else DAY_S),
         pages(drawn, PAGES[::3] if chosen.quick else PAGES, 1 if chosen.quick else PAGE_TURNS),
     ):
