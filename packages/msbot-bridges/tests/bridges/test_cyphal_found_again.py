@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from msbot.pnp import PartState
+from tests.bridges.lossy_bus import Loss
 from tests.bridges.test_every_world import Plug, robot_with
-from tests.bridges.test_lossy_bus import Loss
 from tests.bridges.test_stop_not_confirmed import cyphal_servo
 
 

@@ -3,21 +3,28 @@
 from __future__ import annotations
 
 from pathlib import Path
-from uuid import uuid4
 
 import pytest
 
-from msbot.config import BridgeTable
 from msbot.pnp import PartState
-from tests.bridges.hosts import in_thread
-from tests.bridges.test_every_world import robot_with
-from tests.bridges.test_lossy_bus import MODULE, NMT, NODE, SDO, TO_MODULE, Loss, adopted, drive, is_to_module
+from tests.bridges.lossy_bus import (
+    MODULE,
+    NMT,
+    NODE,
+    SDO,
+    TO_MODULE,
+    Loss,
+    drive_module,
+    io_module,
+    is_to_module,
+    robot_of_module,
+)
 
 pytest.importorskip("canopen")
 
 from msbot_bridges.canopen.canopen_bus import HEARTBEAT
 from msbot_bridges.canopen.canopen_device import OWN_ID
-from msbot_bridges.canopen.simulated.io_module import OUTPUTS, SimulatedIo
+from msbot_bridges.canopen.simulated.io_module import OUTPUTS
 
 
 @pytest.fixture
@@ -27,13 +34,8 @@ def loss(monkeypatch: pytest.MonkeyPatch) -> Loss:
 
 @pytest.mark.promise("A device that was driven when it got out of reach is made safe when it is found again")
 async def test_a_module_that_was_out_of_reach_while_it_was_driven_is_made_safe(loss: Loss, tmp_path: Path) -> None:
-    bus, more = f"msbot:{uuid4().hex[:12]}", adopted(tmp_path, MODULE, "out_1 = { on = true }")
-    module = SimulatedIo(bus, NODE)
-    async with (
-        in_thread(module.run_in_thread, module.end),
-        robot_with(tmp_path, [BridgeTable("canopen", bus)], more) as robot,
-    ):
-        await drive(robot, MODULE, "out_2", "true", lambda: module.get(OUTPUTS) & 2)
+    async with io_module() as (module, bus), robot_of_module(tmp_path, bus) as robot:
+        await drive_module(robot, module)
         module.node.nmt.stop_heartbeat()
         loss.lose(1_000_000, lambda message: message.arbitration_id & 0x7F in (0, NODE))
         await robot.until(lambda: robot.is_in(MODULE, PartState.LOST, PartState.LEFT))
@@ -48,13 +50,8 @@ async def test_a_module_that_was_out_of_reach_while_it_was_driven_is_made_safe(l
 async def test_a_module_that_was_driven_when_the_bus_went_off_is_made_safe_by_the_next_bridge(
     loss: Loss, tmp_path: Path
 ) -> None:
-    bus, more = f"msbot:{uuid4().hex[:12]}", adopted(tmp_path, MODULE, "out_1 = { on = true }")
-    module = SimulatedIo(bus, NODE)
-    async with (
-        in_thread(module.run_in_thread, module.end),
-        robot_with(tmp_path, [BridgeTable("canopen", bus)], more) as robot,
-    ):
-        await drive(robot, MODULE, "out_2", "true", lambda: module.get(OUTPUTS) & 2)
+    async with io_module() as (module, bus), robot_of_module(tmp_path, bus) as robot:
+        await drive_module(robot, module)
         loss.is_off = True
         loss.lose(1_000_000, is_to_module(TO_MODULE, SDO, NMT, HEARTBEAT + OWN_ID))
         await robot.until(lambda: robot.is_in(MODULE, PartState.LOST, PartState.LEFT))
