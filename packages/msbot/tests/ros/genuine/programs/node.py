@@ -24,7 +24,7 @@ from rclpy.service import Service
 from rclpy.subscription import Subscription
 from rclpy.timer import Timer
 
-GENEROUS_S = 20.0
+GENEROUS_S = 60.0
 # A node of ours is told that nobody answers after this time, and nothing that works takes so long.
 
 
