@@ -37,7 +37,7 @@ from msbot_xrce.lazy import dataclass
 READY_S = 300.0
 SETTLE_S = 5.0
 GO_S = 30.0
-ROUNDS = 5
+ROUNDS = 20
 """Of freeze, and of STOP."""
 GOALS = {
     "master and recorder, of one core": "20 %",

@@ -68,6 +68,8 @@ MOST_CHANNELS: Final = 4_000
 SAMPLE: Final = int(Kind.SAMPLE)
 LARGEST_BUFFER: Final = 4 << 20
 """Octets that the buffer keeps for the next time."""
+STOP: Final = "stop"
+"""The operation whose answer waits for nothing that can be done later."""
 
 
 class Recorder:
@@ -343,7 +345,7 @@ class Recorder:
     def _done(self, deed: PerformedOperation) -> None:
         value = {"who": deed.who, "operation": deed.operation, "arguments": dict(deed.arguments), "words": deed.words}
         self.put(Kind.OBJECT, self._json_channel("/msbot/acts"), self.clock(), encode_object(value))
-        if self._master is not None:
+        if self._master is not None and deed.operation != STOP:  # the look of every second comes soon
             self._look(self._master.inventory.view(self.clock()))
 
     def _fault_changed(self, change: Mapping[str, object]) -> None:
