@@ -12,6 +12,7 @@ core, a small piece of work again and again, shows how quick the core is: turns 
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import json
 import logging
 import os
@@ -20,6 +21,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from random import Random
@@ -115,8 +117,7 @@ async def be_parts(size: int, address: str) -> None:
 
 def measure(size: int, pair_count: int) -> Found:
     """A master with so many parts."""
-    os.sched_setaffinity(0, {MASTER_CORE})
-    with tempfile.TemporaryDirectory() as name:
+    with _on_core(MASTER_CORE), tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         (folder / "robot.toml").write_text(blueprint(size))
         robot = Robot(folder, page=False)
@@ -149,6 +150,17 @@ def measure(size: int, pair_count: int) -> Found:
                 parts.kill()
                 robot.kill()
     return Found(resting, pairs, part_kb=1024 * memory / size, arrived=count["heard"] / count["said"])
+
+
+@contextlib.contextmanager
+def _on_core(core: int) -> Iterator[None]:
+    """This process and what it starts, as long as the block lasts."""
+    before = os.sched_getaffinity(0)
+    os.sched_setaffinity(0, {core})
+    try:
+        yield
+    finally:
+        os.sched_setaffinity(0, before)
 
 
 def _tell(parts: subprocess.Popen[str], number: int = 0) -> None:

@@ -147,9 +147,9 @@ class Flusher:
             asyncio.get_running_loop().call_soon(self.flush)
 
     def rest(self, proxy: Proxy) -> None:
-        """Do not wake the client before it is served again: all that it sent was acknowledged.
+        """Do not wake the client before it is served again: nothing of it waits for a time.
 
-        Otherwise each message of a robot of many parts, which say something once a second, would wake the loop later.
+        So a message that was acknowledged does not wake the loop later: among many clients, each would.
         """
         self._timers.suspend(proxy)
         proxy.is_timed = False
